@@ -6,6 +6,7 @@ Records stand below the room that knows the optional packages; it is looked up b
 from __future__ import annotations
 
 import importlib
+from collections.abc import Mapping
 from typing import Any
 
 _ROOM = f"{__name__.split('.')[0]}.exchange"
@@ -25,9 +26,9 @@ class ConvertsToXarray:
 
     __slots__ = ()
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self, functions: Mapping[str, Any] | None = None) -> Any:
         """Return labelled arrays of xarray, as :func:`cellmap.exchange.to_xarray` does."""
-        return importlib.import_module(f"{_ROOM}.datasets").to_xarray(self)
+        return importlib.import_module(f"{_ROOM}.datasets").to_xarray(self, functions)
 
 
 class ConvertsToDataFrame:
@@ -35,6 +36,6 @@ class ConvertsToDataFrame:
 
     __slots__ = ()
 
-    def to_dataframe(self) -> Any:
+    def to_dataframe(self, functions: Mapping[str, Any] | None = None) -> Any:
         """Return a table of pandas, as :func:`cellmap.exchange.to_dataframe` does."""
-        return importlib.import_module(f"{_ROOM}.tables").to_dataframe(self)
+        return importlib.import_module(f"{_ROOM}.tables").to_dataframe(self, functions)

@@ -51,6 +51,7 @@ MADE_BY = {
     "Manifold": "saddle_manifold",
     "MergingTest": "wada_merging",
     "MorseGraph": "morse_graph",
+    "OrbitFunction": "OrbitFunction",
     "PeriodicOrbit": "periodic_orbit",
     "Plan": "plan",
     "PointMap": "stroboscopic_map or discrete_map",

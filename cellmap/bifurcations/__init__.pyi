@@ -43,6 +43,7 @@ from .normal_forms import NormalForm as NormalForm
 from .normal_forms import normal_form as normal_form
 from .orbit_continuation import continue_orbit as continue_orbit
 from .orbit_continuation import switch_branch as switch_branch
+from .period_measures import OrbitFunction as OrbitFunction
 from .period_measures import PeriodMeasure as PeriodMeasure
 from .stability_curves import BoundaryCurve as BoundaryCurve
 from .tongues import ArnoldTongue as ArnoldTongue

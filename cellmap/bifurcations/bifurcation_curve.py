@@ -12,6 +12,7 @@ from .._lib.computed import computed_once
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, wrap
+from ..maps.point_map import PointMap
 from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
 from ..orbits.orbit_equations import orbit_problem
 from ..orbits.shooting import ShootingProblem
@@ -55,9 +56,14 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
     _places: tuple[SolutionPoint, ...] = field(repr=False)
 
     @property
+    def point_map(self) -> PointMap:
+        """The map, with the parameters of the initial point."""
+        return self._problem.orbits.point_map
+
+    @property
     def coordinates(self) -> tuple[Coordinate, ...]:
         """State variables."""
-        return self._problem.orbits.point_map.coordinates
+        return self.point_map.coordinates
 
     @property
     def period(self) -> int:
@@ -65,11 +71,9 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
         return self._problem.orbits.period
 
     @checked
-    def measure(self, quantity: Quantity = 0, measure: str = "maximum") -> NDArray[np.float64]:
+    def measure(self, quantity: Quantity = 0, measure: str | None = "maximum") -> NDArray[np.float64]:
         """Return a measure of each orbit over its period, shape (n,); see :meth:`Branch.measure`."""
-        return measured(
-            self._problem.orbits.point_map, self.parameters, self.values, self.points, self.period, quantity, measure
-        )
+        return measured(self.point_map, self.parameters, self.values, self.points, self.period, quantity, measure)
 
     @computed_once
     def _codimension_two(self) -> tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]:

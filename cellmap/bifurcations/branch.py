@@ -125,7 +125,7 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         return tuple(b for b in self.bifurcations if b.kind is kind)
 
     @checked
-    def measure(self, quantity: Quantity = 0, measure: str = "maximum") -> NDArray[np.float64]:
+    def measure(self, quantity: Quantity = 0, measure: str | None = "maximum") -> NDArray[np.float64]:
         """Return a measure of each orbit over its period.
 
         Parameters
@@ -133,8 +133,8 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         quantity : int, str or callable, optional
             Number or name of a coordinate, one of the `outputs` of the system, or a function ``f(t, x, p)`` of time,
             state and parameters, written with the functions of :mod:`math`.
-        measure : {"maximum", "minimum", "amplitude", "mean", "norm"}, optional
-            What is computed; see :class:`PeriodMeasure`.
+        measure : {"maximum", "minimum", "amplitude", "mean", "norm"} or None, optional
+            What is computed; see :class:`PeriodMeasure`.  None for the quantity at the first point of the orbit.
 
         Returns
         -------

@@ -28,6 +28,7 @@ from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap, warn_of_tolerance
 from ..orbits.lyapunov_qr import exponents_along, exponents_of_cycles, is_positive, swept_derivatives
 from .parameter_sweep import Recorded, record_each, record_followed
+from .period_measures import Quantity, measured, measured_along
 
 _UNSETTLED = 10.0  # extrapolation falls short by a factor 6 at a period doubling, where returns shrink as k^(-3/2)
 _FEWEST = 20
@@ -70,6 +71,8 @@ class BifurcationDiagram(ConvertsToXarray, ConvertsToDataFrame):
         The other parameters.
     settings : mapping
         Arguments of :func:`bifurcation_diagram`.
+    point_map : PointMap or None
+        The map; None for a diagram that was read from a file without it.
     """
 
     system: str
@@ -87,6 +90,7 @@ class BifurcationDiagram(ConvertsToXarray, ConvertsToDataFrame):
     coordinates: tuple[Coordinate, ...]
     params: Mapping[str, float]
     settings: Mapping[str, Any]
+    point_map: PointMap | None = None
 
     def __repr__(self) -> str:
         branches, n = self.status.shape
@@ -101,6 +105,46 @@ class BifurcationDiagram(ConvertsToXarray, ConvertsToDataFrame):
         """Orbits without a period whose largest exponent is significantly positive, shape (branches, n)."""
         with np.errstate(invalid="ignore"):
             return (self.period == 0) & is_positive(self.exponents[..., 0], self.standard_errors[..., 0])
+
+    @checked
+    def measure(self, quantity: Quantity = 0, measure: str = "maximum") -> NDArray[np.float64]:
+        """Return a measure of each orbit: over its period, or over all recorded steps where it has none.
+
+        Parameters
+        ----------
+        quantity, measure
+            As for :meth:`Branch.measure`.
+
+        Returns
+        -------
+        ndarray, shape (branches, n)
+            Values, in the unit of the quantity; NaN without an orbit, and for an angle that makes full rotations.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For a quantity that the system does not have, or a diagram without its map.
+
+        Examples
+        --------
+        >>> from cellmap import discrete_map
+        >>> logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 3.0}, ("x",), "logistic")
+        >>> diagram = bifurcation_diagram(logistic, "r", [2.5, 4.0], [0.3], follow="none")
+        >>> diagram.measure("x", "minimum")[0, 0], bool(diagram.measure("x")[0, 1] > 0.99)
+        (0.6, True)
+        """
+        if self.point_map is None:
+            raise ValueError("point_map=None: this diagram came without its map; give from_xarray the map")
+        result, exact, names = np.full(self.status.shape, np.nan), self.point_map, (self.parameter,)
+        alive = self.status < Status.ESCAPED
+        for q in np.unique(self.period[alive]).tolist():
+            mine = alive & (self.period == q)
+            values = self.values[np.nonzero(mine)[1], None]
+            if q:
+                result[mine] = measured(exact, names, values, self.points[mine][:, -q], q, quantity, measure)
+            else:
+                result[mine] = measured_along(exact, names, values, self.points[mine], quantity, measure)
+        return result
 
 
 @checked
@@ -252,6 +296,7 @@ def bifurcation_diagram(
             "max_period": max_period,
             "tolerance": tolerance,
         },
+        point_map=exact,
     )
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._compiled.codegen.rebind import over_arrays
+from .._compiled.codegen.trace import parameter_record
 from .._lib.checks import one_of, shown
 from ..maps.parameters_as_states import swept_map, with_states
 from ..maps.point_map import PointMap
@@ -21,6 +23,7 @@ _SAMPLES, _MOST_SAMPLES = 64, 1024  # in a step of the map
 _TAIL = 1e-10  # largest harmonics of the upper half, relative to all, of a signal that is resolved
 _FINER = 8  # points between two samples at which the largest value is looked for first
 _NEWTON_STEPS = 4
+_BLOCK = 8192  # steps of orbits that are integrated together
 _CLOSED = 1e-5  # distance, relative, by which a signal may miss its first value after a period
 
 Quantity = int | str | Callable[[Any, Any, Any], Any]
@@ -42,6 +45,41 @@ class PeriodMeasure(StrEnum):
     """Square root of the mean square (L2 norm)."""
 
 
+@dataclass(frozen=True)
+class OrbitFunction:
+    """Function of an orbit: a quantity at its first point, or a measure of the quantity over the period.
+
+    Parameters
+    ----------
+    quantity : int, str or callable, optional
+        Number or name of a coordinate, one of the `outputs` of the system, or a function ``f(t, x, p)`` of time,
+        state and parameters, written with the functions of :mod:`math`.  For a map that is no stroboscopic map the time
+        is the number of the iterate.
+    measure : {"maximum", "minimum", "amplitude", "mean", "norm"}, optional
+        A :class:`PeriodMeasure`; by default the quantity is that at the first point of the orbit.
+    value : float, optional
+        What is subtracted, in the unit of the quantity, so that the function is zero where the quantity has this value.
+
+    Examples
+    --------
+    >>> OrbitFunction("x", "amplitude", value=1.5)
+    OrbitFunction(quantity='x', measure='amplitude', value=1.5)
+    """
+
+    quantity: Quantity = 0
+    measure: str | None = None
+    value: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.measure is not None:
+            one_of("measure", self.measure, tuple(PeriodMeasure))
+
+
+def as_functions(given: Mapping[str, Quantity | OrbitFunction] | None) -> dict[str, OrbitFunction]:
+    """Return functions of orbits by their names; a quantity stands for itself at the first point."""
+    return {name: f if isinstance(f, OrbitFunction) else OrbitFunction(f) for name, f in (given or {}).items()}
+
+
 def measured(
     point_map: PointMap,
     names: tuple[str, ...],
@@ -49,32 +87,66 @@ def measured(
     points: NDArray[np.float64],
     period: int,
     quantity: Quantity,
-    measure: str,
+    measure: str | None,
 ) -> NDArray[np.float64]:
     """Return a measure (n,) of orbits through points (n, d) at values (n, m) of some parameters.
 
     The states within a period are integrated at equal distances in time, at more of them until the harmonics of the
     quantity have died out; its extreme values are those of the trigonometric polynomial through them.  For a map that
     is no stroboscopic map the points of the orbit stand for all times.  NaN where the quantity does not return after
-    the period, as an angle that makes full rotations.
+    the period, as an angle that makes full rotations.  Without a measure, the quantity at the points.
     """
+    if measure is None:
+        spec = point_map.without_table.spec
+        phase = spec.phase if isinstance(spec, Stroboscopic) else 0.0
+        return _quantity(point_map, names, values, np.array([phase]), points[None], quantity)[:, 0]
     chosen = PeriodMeasure(one_of("measure", measure, tuple(PeriodMeasure)))
     result = np.full(len(values), np.nan)
     rows, samples = np.arange(len(values)), _SAMPLES
     while len(rows):
         signals = _signals(point_map, names, values[rows], points[rows], period, quantity, samples)
         apart = np.abs(signals[:, -1] - signals[:, 0])
-        signals, size = signals[:, :-1], np.abs(signals).max(axis=1, initial=0.0)
-        closed = apart <= _CLOSED * np.where(size > 0.0, size, 1.0)
+        closed = apart <= _CLOSED * _size(signals)
+        signals = signals[:, :-1]
         harmonics = np.fft.rfft(signals) / signals.shape[1]
         strength = np.abs(harmonics)
         tail = strength[:, (strength.shape[1] + 1) // 2 :].max(axis=1, initial=0.0)
-        coarse = closed & (tail > _TAIL * strength.max(axis=1)) & (samples < _MOST_SAMPLES)
+        coarse = closed & (tail > np.maximum(_TAIL * strength.max(axis=1), apart)) & (samples < _MOST_SAMPLES)
         coarse &= isinstance(point_map.without_table.spec, Stroboscopic)
         done = closed & ~coarse
         result[rows[done]] = _reduced(chosen, signals[done], harmonics[done], point_map)
         rows, samples = rows[coarse], 4 * samples
     return result
+
+
+def measured_along(
+    point_map: PointMap,
+    names: tuple[str, ...],
+    values: NDArray[np.float64],
+    points: NDArray[np.float64],
+    quantity: Quantity,
+    measure: str,
+) -> NDArray[np.float64]:
+    """Return a measure (n,) over all steps that are recorded of orbits (n, steps, d) that need not return.
+
+    Extreme values are those of parabolas through neighbouring samples.
+    """
+    chosen = PeriodMeasure(one_of("measure", measure, tuple(PeriodMeasure)))
+    n, steps, d = points.shape
+    result, block = np.full(n, np.nan), max(_BLOCK // steps, 1)
+    for rows in (slice(k, k + block) for k in range(0, n, block)):
+        each = np.repeat(values[rows], steps, axis=0)
+        signals = _signals(point_map, names, each, points[rows].reshape(-1, d), 1, quantity, _SAMPLES)
+        signals = signals.reshape(-1, steps, signals.shape[-1])
+        apart = np.abs(signals[:, :-1, -1] - signals[:, 1:, 0]).max(axis=1, initial=0.0)
+        whole = np.column_stack([signals[..., :-1].reshape(len(signals), -1), signals[:, -1, -1]])
+        result[rows] = np.where(apart <= _CLOSED * _size(whole), _reduced(chosen, whole, None, point_map), np.nan)
+    return result
+
+
+def _size(signals: NDArray[np.float64]) -> NDArray[np.float64]:
+    size = np.abs(signals).max(axis=1, initial=0.0)
+    return np.where(size > 0.0, size, 1.0)
 
 
 def _signals(
@@ -89,20 +161,12 @@ def _signals(
     """Return the quantity (n, times + 1) from the beginning of the period of orbits to its end."""
     exact = point_map.without_table
     spec, d = exact.spec, exact.dimension
-    axes = [c.name for c in exact.coordinates]
-    column = axes.index(quantity) if isinstance(quantity, str) and quantity in axes else None
-    if isinstance(quantity, int):
-        if isinstance(quantity, bool) or not -d <= quantity < d:
-            raise ValueError(f"quantity={quantity!r}: the coordinates have the numbers 0 to {d - 1}")
-        column = quantity
     if not isinstance(spec, Stroboscopic):
-        if column is None:
-            raise ValueError(f"quantity={shown(quantity)}: choose a coordinate of {exact!r}, one of {axes}")
         swept = swept_map(exact, *names)
         orbit = [np.column_stack([points, values])]
         for _ in range(period):
             orbit.append(swept(orbit[-1]))
-        return np.array(orbit)[..., column].T
+        return _quantity(exact, names, values, np.arange(period + 1.0), np.array(orbit)[..., :d], quantity)
     system = spec.system
     settings: dict[str, Any] = {"phase": spec.phase, "rtol": spec.rtol, "atol": spec.atol, "method": spec.method}
     moving = with_states(system, names)
@@ -115,51 +179,81 @@ def _signals(
             for value, point in zip(values, points, strict=True)
         )
         states = np.stack(list(each), axis=1)
-    if column is not None:
-        return states[..., column].T
-    found = np.empty(states.shape[1::-1])
-    for k, value in enumerate(values):
-        here = _at(system, names, value)
-        times = (spec.phase + np.arange(len(states)) / samples) * here.length
-        name = quantity if isinstance(quantity, str) else "quantity"
-        if not isinstance(quantity, str):
-            here = replace(here, outputs={name: _as_output(quantity)})
-        found[k] = here.output(name, times, states[:, k])[..., 0]
-    return found
+    return _quantity(exact, names, values, spec.phase + np.arange(len(states)) / samples, states, quantity)
+
+
+def _quantity(
+    point_map: PointMap,
+    names: tuple[str, ...],
+    values: NDArray[np.float64],
+    times: NDArray[np.float64],
+    states: NDArray[np.float64],
+    quantity: Quantity,
+) -> NDArray[np.float64]:
+    """Return a quantity (n, times) of states (times, n, d) at times in periods of the force."""
+    exact = point_map.without_table
+    spec, d = exact.spec, exact.dimension
+    if isinstance(quantity, int):
+        if isinstance(quantity, bool) or not -d <= quantity < d:
+            raise ValueError(f"quantity={quantity!r}: the coordinates have the numbers 0 to {d - 1}")
+        return states[..., quantity].T
+    system = spec.system if isinstance(spec, Stroboscopic) else None
+    outputs = system.outputs if system is not None else {}
+    axes = [c.name for c in exact.coordinates]
+    if isinstance(quantity, str):
+        if quantity in axes:
+            return states[..., axes.index(quantity)].T
+        if quantity not in outputs:
+            raise ValueError(
+                f"quantity={quantity!r}: the coordinates are {axes}, the outputs {sorted(outputs) or 'none'}"
+            )
+    function = outputs[quantity] if isinstance(quantity, str) else quantity
+    if not callable(function):
+        raise TypeError(
+            f"quantity={shown(quantity)}: give a coordinate, one of the outputs of the system, or a function f(t, x, p)"
+        )
+    given = dict(exact.params) | dict(zip(names, values.T, strict=True))
+    record = parameter_record(tuple(given))(*given.values())
+    length: Any = 1.0 if system is None else system.period
+    length = over_arrays(length)(record) if callable(length) else length
+    found = over_arrays(function)(times[:, None] * length, tuple(np.moveaxis(states, -1, 0)), record)
+    first = found[0] if isinstance(found, tuple) else found
+    return np.broadcast_to(np.asarray(first, dtype=float), states.shape[:-1]).T
 
 
 def _at(system: ForcedSystem, names: tuple[str, ...], values: NDArray[np.float64]) -> ForcedSystem:
     return system.with_params(**dict(zip(names, values.tolist(), strict=True)))
 
 
-def _as_output(quantity: Any) -> Callable[[Any, Any, Any], Any]:
-    if not callable(quantity):
-        raise TypeError(
-            f"quantity={shown(quantity)}: give a coordinate, one of the outputs of the system, or a function f(t, x, p)"
-        )
-
-    def output(t: Any, x: Any, p: Any) -> Any:
-        value = quantity(t, x, p)
-        return value if isinstance(value, tuple) else (value,)
-
-    return output
-
-
 def _reduced(
-    measure: PeriodMeasure, signals: NDArray[np.float64], harmonics: NDArray[np.complex128], point_map: PointMap
+    measure: PeriodMeasure, signals: NDArray[np.float64], harmonics: NDArray[np.complex128] | None, point_map: PointMap
 ) -> NDArray[np.float64]:
-    if measure is PeriodMeasure.MEAN:
-        return np.asarray(signals.mean(axis=1))
-    if measure is PeriodMeasure.NORM:
-        return np.asarray(np.sqrt((signals**2).mean(axis=1)))
+    """Return a measure (n,) of signals (n, times); without harmonics they do not return."""
     smooth = isinstance(point_map.without_table.spec, Stroboscopic)
-    high, low = (
-        sign * (_largest(sign * signals, sign * harmonics) if smooth else (sign * signals).max(axis=1))
-        for sign in (1.0, -1.0)
-    )
+    if measure in {PeriodMeasure.MEAN, PeriodMeasure.NORM}:
+        means = signals if measure is PeriodMeasure.MEAN else signals**2
+        if harmonics is None:
+            means = 0.5 * (means[:, :-1] + means[:, 1:]) if smooth else means[:, :-1]
+        mean = np.asarray(means.mean(axis=1))
+        return mean if measure is PeriodMeasure.MEAN else np.sqrt(mean)
+
+    def largest(sign: float) -> NDArray[np.float64]:
+        if not smooth:
+            return np.asarray((sign * signals).max(axis=1))
+        return _of_parabola(sign * signals) if harmonics is None else _largest(sign * signals, sign * harmonics)
+
+    high, low = largest(1.0), -largest(-1.0)
     if measure is PeriodMeasure.AMPLITUDE:
         return np.asarray(0.5 * (high - low))
     return np.asarray(high if measure is PeriodMeasure.MAXIMUM else low)
+
+
+def _of_parabola(signals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the largest values (n,) of signals (n, times), from parabolas through three samples."""
+    place = np.argmax(signals[:, 1:-1], axis=1)
+    before, here, after = (signals[np.arange(len(signals)), place + k] for k in range(3))
+    bend = 2.0 * here - before - after
+    return np.maximum(signals.max(axis=1), here + (after - before) ** 2 / np.where(bend > 0.0, 8.0 * bend, np.inf))
 
 
 def _largest(signals: NDArray[np.float64], harmonics: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -19,7 +19,9 @@ from ..bifurcations.bifurcation_curve import BifurcationCurve
 from ..bifurcations.branch import Branch
 from ..bifurcations.connecting_branches import TangencyCurve
 from ..bifurcations.kinds import BifurcationKind
+from ..bifurcations.period_measures import measured
 from ..maps.coordinates import Coordinate
+from ..maps.point_map import PointMap
 from ..orbits.multipliers import unstable_count
 
 TYPES = {
@@ -50,6 +52,7 @@ class _Rows:
 def save_auto(
     result: Branch | BifurcationCurve | TangencyCurve | Sequence[Branch | BifurcationCurve | TangencyCurve],
     path: str | PathLike[str],
+    measures: bool = False,
 ) -> Path:
     """Write branches and curves to a file in the format of AUTO's bifurcation diagrams.
 
@@ -65,6 +68,10 @@ def save_auto(
         What is written, in this order.  For tangencies the state is the middle point of the orbit.
     path : str or path
         Name of the file, for example ``"b.pendulum"``; one that exists is replaced.
+    measures : bool, optional
+        Write what AUTO writes of periodic solutions, in place of norm and state at one point: the norm over the period,
+        the square root of the mean of the squares of all state variables, and the maxima, called ``MAX_x``.  NaN for
+        angles that make full rotations.
 
     Returns
     -------
@@ -99,7 +106,7 @@ def save_auto(
         raise TypeError(f"result={shown(result)}: give a Branch, a BifurcationCurve, a TangencyCurve, or several")
     lines, label = [], 0
     for number, item in enumerate(given, 1):
-        rows = _of_branch(item) if isinstance(item, Branch) else _of_curve(item)
+        rows = _of_branch(item, measures) if isinstance(item, Branch) else _of_curve(item, measures)
         lines += [f"   0    {rows.heading}", "   0    PT  TY  LAB " + "".join(f"{name:<19s}" for name in rows.names)]
         for k, values in enumerate(rows.values):
             label += int(rows.types[k] != 0)
@@ -112,38 +119,61 @@ def save_auto(
     return target
 
 
-def _of_branch(branch: Branch) -> _Rows:
+def _of_branch(branch: Branch, measures: bool) -> _Rows:
     found = branch.bifurcations
     places = np.array([b.place for b in found], np.int64) + 1
-    values = np.insert(branch.values, places, [b.value for b in found])
-    points = np.insert(branch.points, places, np.array([b.point for b in found]).reshape(len(found), -1), axis=0)
+    values = np.insert(branch.values, places, [b.value for b in found])[:, None]
+    points = np.insert(
+        branch.points, places, np.array([b.point for b in found]).reshape(-1, branch.points.shape[1]), axis=0
+    )
     types = np.insert(np.zeros(len(branch.values), np.int64), places, [TYPES.get(b.kind, 0) for b in found])
     stable = np.insert(branch.unstable == 0, places, [b.before == 0 for b in found])
     types[[0, -1]] = [_end(end) for end in branch.ends]
-    names = _names([branch.parameter], branch.point_map.coordinates)
-    return _Rows(names, _columns([values], points), stable, types, f"period {branch.period} orbits")
+    columns = _columns((branch.parameter,), values, points, branch.point_map.coordinates)
+    if measures:
+        columns = _measured(branch.point_map, (branch.parameter,), values, points, branch.period)
+    return _Rows([*columns], np.column_stack([*columns.values()]), stable, types, f"period {branch.period} orbits")
 
 
-def _of_curve(curve: BifurcationCurve | TangencyCurve) -> _Rows:
+def _of_curve(curve: BifurcationCurve | TangencyCurve, measures: bool) -> _Rows:
     types = np.zeros(len(curve.values), np.int64)
     types[[0, -1]] = [_end(end) for end in curve.ends]
     if isinstance(curve, TangencyCurve):
-        points, heading = curve.points[:, curve.points.shape[1] // 2], "tangencies"
-        stable, coordinates = np.zeros(len(types), bool), curve.coordinates
+        points = curve.points[:, curve.points.shape[1] // 2]
+        columns = _columns(curve.parameters, curve.values, points, curve.coordinates)
+        stable, heading = np.zeros(len(types), bool), "tangencies"
     else:
-        points, heading, coordinates = curve.points, f"curve of {curve.kind}, period {curve.period}", curve.coordinates
-        stable = unstable_count(curve.multipliers) == 0
-    columns = _columns(list(curve.values.T), points)
-    return _Rows(_names(list(curve.parameters), coordinates), columns, stable, types, heading)
+        stable, heading = unstable_count(curve.multipliers) == 0, f"curve of {curve.kind}, period {curve.period}"
+        columns = _columns(curve.parameters, curve.values, curve.points, curve.coordinates)
+        if measures:
+            columns = _measured(curve.point_map, curve.parameters, curve.values, curve.points, curve.period)
+    return _Rows([*columns], np.column_stack([*columns.values()]), stable, types, heading)
 
 
-def _columns(parameters: list[NDArray[np.float64]], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.column_stack([parameters[0], np.linalg.norm(points, axis=1), points, *parameters[1:]])
+def _columns(
+    names: tuple[str, ...],
+    values: NDArray[np.float64],
+    states: NDArray[np.float64],
+    coordinates: Sequence[Coordinate],
+    norm: NDArray[np.float64] | None = None,
+    before: str = "",
+) -> dict[str, NDArray[np.float64]]:
+    first, *others = zip(names, values.T, strict=True)
+    size = np.linalg.norm(states, axis=1) if norm is None else norm
+    shown_as = [f"{before}{c.name}" for c in coordinates]
+    columns = [first, ("L2-NORM", size), *zip(shown_as, states.T, strict=True), *others]
+    return {re.sub(r"\s", "_", name)[:18]: column for name, column in columns}
 
 
-def _names(parameters: list[str], coordinates: Sequence[Coordinate]) -> list[str]:
-    names = [parameters[0], "L2-NORM", *(c.name for c in coordinates), *parameters[1:]]
-    return [re.sub(r"\s", "_", name)[:18] for name in names]
+def _measured(
+    exact: PointMap, names: tuple[str, ...], values: NDArray[np.float64], points: NDArray[np.float64], period: int
+) -> dict[str, NDArray[np.float64]]:
+    """Return the columns that AUTO has for periodic solutions."""
+    norms, largest = (
+        np.column_stack([measured(exact, names, values, points, period, j, m) for j in range(exact.dimension)])
+        for m in ("norm", "maximum")
+    )
+    return _columns(names, values, largest, exact.coordinates, np.linalg.norm(norms, axis=1), "MAX_")
 
 
 def _end(reason: str) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from functools import singledispatch
 from typing import Any
@@ -22,18 +23,19 @@ from ..bifurcations.connecting_branches import ConnectionBranch, TangencyCurve
 from ..bifurcations.crossings import Crossing
 from ..bifurcations.diagram import BifurcationDiagram
 from ..bifurcations.equilibrium_stability import StabilityMap
+from ..bifurcations.period_measures import OrbitFunction, Quantity
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Status
 from ..orbits.exponent_fields import ExponentField
 from .attractor_group import attractor_group
 from .conventions import about, coordinate_attributes, enum_flags, flags, variable_names
 from .optional import xarray_package
-from .tables import columns_of
+from .tables import columns_of, function_columns
 
 _ROWS = "point"  # dimension of the rows of tables
 
 
-def to_xarray(result: Any) -> Any:
+def to_xarray(result: Any, functions: Mapping[str, Quantity | OrbitFunction] | None = None) -> Any:
     """Return a result as labelled arrays of xarray, which can be written to netCDF.
 
     Variables and coordinates have names, units and, for numbers with a meaning such as labels, `flag_values` and
@@ -45,6 +47,8 @@ def to_xarray(result: Any) -> Any:
     result : Basins, Certificate, BasinContinuation, BifurcationDiagram, StabilityMap, AttractorAtlas, ExponentField, \
 Branch, BifurcationCurve, CircleBranch, ConnectionBranch or TangencyCurve
         What is to be converted.
+    functions : mapping of str to OrbitFunction, optional
+        Further variables of a branch, a curve or a diagram, as for :func:`to_dataframe`.
 
     Returns
     -------
@@ -77,7 +81,9 @@ Branch, BifurcationCurve, CircleBranch, ConnectionBranch or TangencyCurve
     array([[ 0.707,  0.   ],
            [-0.707,  0.   ]])
     """
-    return _converted(result)
+    found, more = _converted(result), function_columns(result, functions)
+    dims = ("branch", *variable_names([result.parameter])) if isinstance(result, BifurcationDiagram) else _ROWS
+    return found.assign({name: (dims, values) for name, values in more.items()}) if more else found
 
 
 @singledispatch

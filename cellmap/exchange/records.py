@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from ..bifurcations.equilibrium_stability import Boundary, StabilityMap
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
+from ..maps.point_map import PointMap
 from ..orbits.exponent_fields import ExponentField
 from .attractor_group import attractors_of
 from .conventions import variable_names
@@ -28,13 +30,15 @@ from .datasets import to_xarray
 from .optional import xarray_package
 
 
-def from_xarray(tree: Any) -> Any:
+def from_xarray(tree: Any, point_map: PointMap | None = None) -> Any:
     """Return the result from which :func:`to_xarray` made a tree or Dataset, with the same bits.
 
     Parameters
     ----------
     tree : xarray.DataTree or xarray.Dataset
         What `to_xarray` returned, or ``xarray.open_datatree`` or ``xarray.open_dataset`` read from a netCDF file of it.
+    point_map : PointMap, optional
+        The map of a diagram, for its :meth:`BifurcationDiagram.measure`.
 
     Returns
     -------
@@ -80,7 +84,7 @@ def from_xarray(tree: Any) -> Any:
             f"tree has another {changed} than to_xarray gives {kind} of these values: give the tree as it was made, "
             "without selection, in the same sequence"
         )
-    return result
+    return replace(result, point_map=point_map) if isinstance(result, BifurcationDiagram) else result
 
 
 def _difference(given: Any, again: Any) -> str | None:

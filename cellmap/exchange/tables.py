@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._lib.checks import is_sequence, shown
 from ..basins.record import Basins
@@ -16,12 +17,13 @@ from ..bifurcations.circle_branches import CircleBranch, circle_columns
 from ..bifurcations.coexistence import AtlasKind
 from ..bifurcations.connecting_branches import ConnectionBranch, TangencyCurve
 from ..bifurcations.diagram import BifurcationDiagram
+from ..bifurcations.period_measures import OrbitFunction, Quantity, as_functions
 from ..maps.coordinates import Coordinate
 from ..orbits.attractor import Attractor, distinct_names
 from .optional import pandas_package
 
 
-def to_dataframe(result: Any) -> Any:
+def to_dataframe(result: Any, functions: Mapping[str, Quantity | OrbitFunction] | None = None) -> Any:
     """Return a result as a table of pandas.
 
     The method `to_dataframe` of Basins, Branch, BifurcationCurve, BifurcationDiagram and AttractorAtlas does the same.
@@ -33,6 +35,9 @@ AttractorAtlas, CircleBranch, ConnectionBranch or TangencyCurve
         Attractors have one row each, in Basins with the fraction of the initial conditions that converge to them, in an
         atlas with their parameters; a branch or curve one for each of its points; a diagram one for each recorded
         point.
+    functions : mapping of str to OrbitFunction, optional
+        Further columns of a branch, a curve or a diagram by their names: measures over the period, such as
+        ``{"peak": OrbitFunction("x", "maximum")}``, or quantities at the points of a branch or curve.
 
     Returns
     -------
@@ -57,7 +62,19 @@ AttractorAtlas, CircleBranch, ConnectionBranch or TangencyCurve
     1  fixed point       1 -0.707                 0.5
     """
     frame = columns_of(result)
+    for name, values in function_columns(result, functions).items():
+        each = isinstance(result, BifurcationDiagram)
+        frame[name] = np.repeat(values, result.points.shape[2], axis=1).ravel() if each else values
     return pandas_package().DataFrame(frame)
+
+
+def function_columns(
+    result: Any, functions: Mapping[str, Quantity | OrbitFunction] | None
+) -> dict[str, NDArray[np.float64]]:
+    """Return the values of functions by their names: (n,) on branches and curves, (branches, n) in diagrams."""
+    if functions and not isinstance(result, Branch | BifurcationCurve | BifurcationDiagram):
+        raise TypeError(f"functions={shown(functions)}: {type(result).__name__} has no orbits to measure")
+    return {name: result.measure(f.quantity, f.measure) - f.value for name, f in as_functions(functions).items()}
 
 
 def columns_of(result: Any) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from .._lib.checks import is_sequence, shown, whole_number
 from ..basins.by_features import FeatureBasins
 from ..basins.record import Basins
+from ..bifurcations.period_measures import PeriodMeasure, Quantity
 from ..maps.coordinates import Coordinate, turns_of
 from ..maps.grid import CellGrid
 
@@ -60,6 +61,15 @@ def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:
     if coordinate.period is not None and isclose(coordinate.period, 2 * pi) and span >= pi:
         axis.set_major_locator(MultipleLocator(pi / 2 if span <= 2.01 * pi else pi))
         axis.set_major_formatter(FuncFormatter(lambda x, _: multiple_of_pi(x)))
+
+
+def measured_axis(coordinates: Sequence[Coordinate], quantity: Quantity, measure: str) -> Coordinate:
+    """Return the axis on which a measure of a quantity is drawn."""
+    names = [c.name for c in coordinates]
+    name = names[quantity] if isinstance(quantity, int) else quantity
+    label = name if isinstance(name, str) else getattr(name, "__name__", "quantity").replace("<lambda>", "quantity")
+    unit = coordinates[names.index(label)].unit if label in names else ""
+    return Coordinate(f"{PeriodMeasure(measure)} of {label}", unit)
 
 
 def column_of(given: int | str, coordinates: Sequence[Coordinate], argument: str = "coordinate") -> int:

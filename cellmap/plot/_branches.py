@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from .._lib.signatures import checked
 from ..bifurcations.branch import Bifurcation, Branch
 from ..bifurcations.kinds import BifurcationKind
-from ..bifurcations.period_measures import PeriodMeasure, Quantity, measured
+from ..bifurcations.period_measures import Quantity, measured
 from ..maps.coordinates import Coordinate, difference
 from ..maps.parameters_as_states import swept_map
-from ._axes import axes_or_new, column_of, cut_at_branch_cuts, label_axis
+from ._axes import axes_or_new, column_of, cut_at_branch_cuts, label_axis, measured_axis
 from ._colours import colour_of, one_colour
 
 MARKERS = {
@@ -156,13 +156,10 @@ class _Trace:
     def measured(cls, branch: Branch, birth: Bifurcation | None, quantity: Quantity, measure: str) -> _Trace:
         """Return the curve of a measure over the period."""
         values, states, stable, kinds = _places(branch, birth)
-        exact, axes = branch.point_map, {c.name: c for c in branch.point_map.coordinates}
+        exact = branch.point_map
         heights = measured(exact, (branch.parameter,), values[:, None], states, branch.period, quantity, measure)
-        name = list(axes)[quantity] if isinstance(quantity, int) else quantity
-        label = name if isinstance(name, str) else getattr(name, "__name__", "quantity").replace("<lambda>", "quantity")
-        unit = axes[label].unit if label in axes else ""
-        axis = Coordinate(f"{PeriodMeasure(measure)} of {label}", unit)
-        return cls(np.stack([values, heights], axis=-1)[None], stable, kinds, (Coordinate(branch.parameter), axis))
+        axes = Coordinate(branch.parameter), measured_axis(exact.coordinates, quantity, measure)
+        return cls(np.stack([values, heights], axis=-1)[None], stable, kinds, axes)
 
     @property
     def span(self) -> float:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from .._lib.signatures import checked
 from ..bifurcations.diagram import BifurcationDiagram
-from ._axes import column_of, label_axis
+from ..bifurcations.period_measures import Quantity
+from ._axes import column_of, label_axis, measured_axis
 from ._colours import colour_of
 
 _SMALLEST, _LARGEST = 0.6, 3.0  # sizes of points by default
@@ -19,7 +20,12 @@ _ROWS = 400  # heights that a figure shows apart
 
 @checked
 def bifurcation_diagram(
-    diagram: BifurcationDiagram, *, coordinate: int | str = 0, ax: Axes | None = None, size: float | None = None
+    diagram: BifurcationDiagram,
+    *,
+    coordinate: Quantity = 0,
+    ax: Axes | None = None,
+    size: float | None = None,
+    measure: str | None = None,
 ) -> tuple[Axes, ...]:
     """Draw a bifurcation diagram: points above, the largest Lyapunov exponent below.
 
@@ -27,13 +33,15 @@ def bifurcation_diagram(
     ----------
     diagram : BifurcationDiagram
         Result of :func:`bifurcation_diagram`.
-    coordinate : int or str, optional
-        Number or name of the coordinate that is drawn.
+    coordinate : int, str or callable, optional
+        Number or name of the coordinate that is drawn; with a measure as for :func:`branches`.
     ax : matplotlib Axes, optional
         Axes for the points, without exponents; by default a new figure with both.
     size : float, optional
         Size of a point, in typographic points.  By default the fewer points there are to each value of the parameter
         that lie apart, the larger they are, from 0.6 for chaos to 3 for a fixed point.
+    measure : {"maximum", "minimum", "amplitude", "mean", "norm"}, optional
+        Draw this measure of each orbit instead of its points; see :meth:`BifurcationDiagram.measure`.
 
     Returns
     -------
@@ -54,7 +62,12 @@ def bifurcation_diagram(
     >>> upper.get_ylabel(), lower.get_xlabel()
     ('x', 'r')
     """
-    column = column_of(coordinate, diagram.coordinates)
+    if measure is None:
+        column = column_of(coordinate, diagram.coordinates)  # type: ignore[arg-type]
+        places, shown_as = diagram.points[..., column], diagram.coordinates[column]
+    else:
+        places = diagram.measure(coordinate, measure)[..., None]
+        shown_as = measured_axis(diagram.coordinates, coordinate, measure)
     drawn: tuple[Axes, ...]
     if ax is None:
         _, panels = plt.subplots(2, sharex=True, figsize=(7.0, 6.0), height_ratios=(2.5, 1.0), layout="constrained")
@@ -62,24 +75,20 @@ def bifurcation_diagram(
         _draw_exponents(panels[1], diagram)
     else:
         drawn = (ax,)
-    _draw_points(drawn[0], diagram, column, size)
+    _draw_points(drawn[0], diagram, places, size)
+    finite = places[np.isfinite(places)]
+    label_axis(drawn[0].yaxis, shown_as, float(np.ptp(finite)) if finite.size else 0.0)
     drawn[-1].set_xlabel(diagram.parameter)
     drawn[0].set_title(diagram.system)
     return drawn
 
 
-def _draw_points(ax: Axes, diagram: BifurcationDiagram, column: int, size: float | None) -> None:
-    places = diagram.points[..., column]
+def _draw_points(ax: Axes, diagram: BifurcationDiagram, places: NDArray[np.float64], size: float | None) -> None:
     across = np.broadcast_to(diagram.values[:, None], places.shape[1:])
     size = _size(places) if size is None else size
     style = {"linestyle": "none", "marker": ".", "markersize": size, "markeredgewidth": 0.0, "rasterized": True}
     for branch in reversed(range(len(places))):
         ax.plot(across.ravel(), places[branch].ravel(), color=colour_of(branch), **style)  # type: ignore[arg-type]
-    label_axis(
-        ax.yaxis,
-        diagram.coordinates[column],
-        float(np.ptp(places[np.isfinite(places)])) if np.isfinite(places).any() else 0.0,
-    )
     names = _branch_names(diagram)
     if len(names) > 1:
         marks = [Line2D([], [], marker="o", linestyle="none", color=colour_of(b)) for b in range(len(names))]

@@ -5,12 +5,30 @@ from __future__ import annotations
 from math import cos, pi, sin
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cellmap import ForcedSystem, angle, continue_orbit, discrete_map, periodic_orbit, plot, stroboscopic_map
-from cellmap.bifurcations import BifurcationKind, Branch, PeriodMeasure, continue_bifurcation, switch_branch
+from cellmap import (
+    ForcedSystem,
+    angle,
+    bifurcation_diagram,
+    continue_orbit,
+    discrete_map,
+    periodic_orbit,
+    plot,
+    stroboscopic_map,
+)
+from cellmap.bifurcations import (
+    BifurcationKind,
+    Branch,
+    OrbitFunction,
+    PeriodMeasure,
+    continue_bifurcation,
+    switch_branch,
+)
+from cellmap.exchange import from_xarray, to_dataframe
 from systems import duffing_oscillator
 
 
@@ -100,7 +118,60 @@ def test_measures_along_a_curve_and_wrong_quantities(resonance: Branch) -> None:
     assert np.isfinite(curve.measure("x", "amplitude")).all() and curve.measure("x").shape == curve.values.shape[:1]
     with pytest.raises(ValueError, match="measure='peak'"):
         resonance.measure("x", "peak")
-    with pytest.raises(ValueError, match="name='energy'"):
+    with pytest.raises(ValueError, match="quantity='energy': the coordinates are"):
         resonance.measure("energy")
     with pytest.raises(ValueError, match="quantity=2: the coordinates have the numbers 0 to 1"):
         resonance.measure(2)
+
+
+def test_sweeps_have_the_measures_of_the_branch_that_they_follow(resonance: Branch) -> None:
+    spring = resonance.point_map
+    response = bifurcation_diagram(spring, "frequency", [0.8, 1.0, 2.2], [0.7, 0.0], transient=400, exponents=False)
+    amplitude = response.measure("x", "amplitude")
+    for row in amplitude:
+        np.testing.assert_allclose(row[[0, 2]], resonance.measure("x", "amplitude")[[0, -1]], rtol=1e-6)
+    (ax,) = plot.bifurcation_diagram(response, coordinate="x", measure="amplitude", ax=plt.figure().subplots())
+    assert ax.get_ylabel() == "amplitude of x"
+    np.testing.assert_allclose(ax.get_lines()[0].get_ydata(), amplitude[1], rtol=1e-12)
+
+
+def test_chaotic_motion_dissipates_what_the_force_gives_it() -> None:
+    wells = duffing_oscillator(damping=0.2, linear=-1.0, forcing=0.3, frequency=1.0)
+    exact = stroboscopic_map(wells, rtol=1e-11, atol=1e-11)
+    diagram = bifurcation_diagram(
+        exact, "forcing", [0.3], [0.1, 0.2], "none", periods=40, max_period=9, exponents=False
+    )
+    assert diagram.period[0, 0] == 0
+    lost, given = (
+        diagram.measure(f, "mean")[0, 0]
+        for f in (lambda t, x, p: p.damping * x[1] ** 2, lambda t, x, p: p.forcing * cos(p.frequency * t) * x[1])
+    )
+    points = diagram.points[0, 0]
+    x, v = np.array([points[0], exact(points[-1])]).T
+    first, last = 0.5 * v**2 - 0.5 * x**2 + 0.25 * x**4
+    assert lost == pytest.approx(given - (last - first) / (40 * 2.0 * pi), abs=1e-6)
+    times = np.linspace(0.0, 2.0 * pi, 2001)
+    each = [solve_ivp(wells.fun, (0.0, 2 * pi), y, "DOP853", times, rtol=1e-10, atol=1e-10).y[0] for y in points]
+    assert diagram.measure("x")[0, 0] == pytest.approx(np.max(each), abs=3e-5)
+    assert diagram.measure("x", "minimum")[0, 0] == pytest.approx(np.min(each), abs=3e-5)
+
+
+def test_tables_and_labelled_arrays_have_columns_of_functions(resonance: Branch) -> None:
+    functions = {"peak": OrbitFunction("x", "amplitude", value=0.5), "force": lambda t, x, p: p.forcing}
+    table, labelled = resonance.to_dataframe(functions), resonance.to_xarray(functions)
+    np.testing.assert_array_equal(table["peak"], resonance.measure("x", "amplitude") - 0.5)
+    np.testing.assert_array_equal(labelled["peak"], table["peak"])
+    assert set(table["force"]) == {0.3} and "peak" not in resonance.to_dataframe()
+    logistic = discrete_map(lambda x, p: (p.r * x[0] * (1.0 - x[0]),), {"r": 2.8}, ("x",))
+    diagram = bifurcation_diagram(logistic, "r", [2.0, 3.2], [0.3])
+    least = {"least": OrbitFunction("x", "minimum")}
+    known = np.array([0.5, (4.2 - np.sqrt(0.2 * 4.2)) / 6.4])
+    np.testing.assert_allclose(diagram.to_xarray(least)["least"], [known, known], rtol=1e-6)
+    table = diagram.to_dataframe(least)
+    np.testing.assert_allclose(table["least"], known[(table["r"] > 3).astype(int)], rtol=1e-6)
+    again = from_xarray(diagram.to_xarray(), logistic)
+    np.testing.assert_array_equal(again.measure("x"), diagram.measure("x"))
+    with pytest.raises(ValueError, match="point_map=None"):
+        from_xarray(diagram.to_xarray()).measure("x")
+    with pytest.raises(TypeError, match="functions="):
+        to_dataframe(resonance.bifurcations, least)

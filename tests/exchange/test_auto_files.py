@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from math import cos, pi
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cellmap import continue_orbit, periodic_orbit
+from cellmap import ForcedSystem, continue_orbit, periodic_orbit, stroboscopic_map
 from cellmap.bifurcations import continue_bifurcation
 from cellmap.exchange import save_auto
 from systems import henon_map
@@ -49,6 +50,23 @@ def test_a_branch_and_a_curve(tmp_path: Path) -> None:
     assert kind[0] == kind[-1] == 9
     np.testing.assert_allclose(rows[:, 4], np.hypot(rows[:, 5], rows[:, 6]), rtol=1e-9)
     np.testing.assert_allclose(points[:, 3], 0.75 * (1.0 - points[:, -1]) ** 2, rtol=1e-9, atol=1e-9)
+
+
+def test_norms_and_maxima_over_the_period(tmp_path: Path) -> None:
+    # x'' + b x' + 4 x = cos(t): x = A cos(t - phi), A^2 = 1 / (9 + b^2), for x and v together a norm of A.
+    linear = ForcedSystem(lambda t, x, p: (x[1], cos(t) - 4.0 * x[0] - p.b * x[1]), {"b": 0.5}, 2.0 * pi, ("x", "v"))
+    exact = stroboscopic_map(linear, rtol=1e-12, atol=1e-12)
+    branch = continue_orbit(exact, periodic_orbit(exact, [0.0, 0.0]), "b", 0.1, 1.0, step=0.1)
+    ((names, rows),) = read(save_auto(branch, tmp_path / "b.linear", measures=True)).values()
+    assert names == ["b", "L2-NORM", "MAX_x", "MAX_v"]
+    for column in rows.T[4:]:
+        np.testing.assert_allclose(column, 1.0 / np.sqrt(9.0 + rows[:, 3] ** 2), rtol=1e-9)
+    henon = henon_map(0.2, 0.3)
+    branch = continue_orbit(henon, periodic_orbit(henon, [0.5, 0.2]), "a", -0.2, 0.6, step=0.1)
+    curve = continue_bifurcation(branch, branch.bifurcations[-1], "b", (0.0, 1.4), (-0.5, 0.5), step=0.1)
+    ((names, rows),) = read(save_auto(curve, tmp_path / "b.henon", measures=True)).values()
+    assert names == ["a", "L2-NORM", "MAX_x", "MAX_y", "b"]
+    np.testing.assert_allclose(rows[:, 5:7], curve.points, rtol=1e-9)
 
 
 def test_the_same_as_labelled_arrays() -> None:
