@@ -36,7 +36,7 @@ MADE_BY = {
     "ChaosTest": "exponent_test, zero_one_test or alignment_test",
     "ChaoticSaddle": "chaotic_saddle",
     "CircleBranch": "continue_circle",
-    "CodimensionTwo": "continue_bifurcation, among the points codimension_two of a BifurcationCurve",
+    "CodimensionTwo": "continue_bifurcation, among the points codimension_two() of a BifurcationCurve",
     "ConnectingOrbit": "connecting_orbits",
     "ConnectionBranch": "continue_connection",
     "CovariantVectors": "covariant_vectors",

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import finite_number, pair_of, shown, whole_number
-from .._lib.computed import computed_once
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, wrap
@@ -75,25 +74,39 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
         """Return a measure of each orbit over its period, shape (n,); see :meth:`Branch.measure`."""
         return measured(self.point_map, self.parameters, self.values, self.points, self.period, quantity, measure)
 
-    @computed_once
-    def _codimension_two(self) -> tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]:
-        problem = self._problem
-        if isinstance(problem, SingularSegments):
-            return (), frozenset()
-        return points_on(problem, self.parameters, self._places)
+    @checked
+    def codimension_two(self, progress: bool = False) -> tuple[CodimensionTwo, ...]:
+        """Return the bifurcations of codimension two, in the order of the curve.
 
-    @property
-    def codimension_two(self) -> tuple[CodimensionTwo, ...]:
-        """Bifurcations of codimension two in the order of the curve; computed when they are first asked for.
+        They are located when they are asked for first, and kept.  None are located on curves of orbits in segments,
+        those with multipliers of more than 1e6.
 
-        None are located on curves of orbits in segments, those with multipliers of more than 1e6.
+        Parameters
+        ----------
+        progress : bool, optional
+            Show progress on a terminal.
         """
-        return self._codimension_two[0]
+        return self._located(progress)[0]
 
-    @property
-    def degeneracies(self) -> frozenset[CodimensionTwoKind]:
-        """Kinds of codimension two whose condition holds along the whole curve, which has no points of them."""
-        return self._codimension_two[1]
+    @checked
+    def degeneracies(self, progress: bool = False) -> frozenset[CodimensionTwoKind]:
+        """Return the kinds of codimension two whose condition holds along the whole curve, without points of them.
+
+        Parameters
+        ----------
+        progress : bool, optional
+            Show progress on a terminal.
+        """
+        return self._located(progress)[1]
+
+    def _located(self, progress: bool) -> tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]:
+        kept, problem = self.__dict__, self._problem
+        if "_kept" not in kept:
+            if isinstance(problem, SingularSegments):
+                return (), frozenset()
+            kept.setdefault("_kept", points_on(problem, self.parameters, self._places, progress))
+        found: tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]] = kept["_kept"]
+        return found
 
     def __repr__(self) -> str:
         return f"BifurcationCurve({self.kind}, {len(self.values)} points, {spans(self.parameters, self.values)})"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -10,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.computed import computed_once
+from .._lib.stopping import check_stop
+from .._lib.threads import progress_bar
 from ..maps.coordinates import wrap
 from ..maps.multilinear import MultilinearForms, multilinear_forms
 from ..orbits.arclength import ContinuationStep, SolutionPoint
@@ -30,7 +33,7 @@ _ROUNDING = 1e-8  # of test functions, relative to their terms
 _FEW = 4  # places that are too few to conclude that a test function vanishes along a curve
 
 _FOLD, _FLIP = BifurcationKind.FOLD, BifurcationKind.PERIOD_DOUBLING
-_TORUS = BifurcationKind.NEIMARK_SACKER
+_PITCH, _TORUS = BifurcationKind.PITCHFORK, BifurcationKind.NEIMARK_SACKER
 _CURVES = {
     CodimensionTwoKind.RESONANCE_1_1: {_FOLD, _TORUS},
     CodimensionTwoKind.RESONANCE_1_2: {_FLIP, _TORUS},
@@ -40,7 +43,17 @@ _CURVES = {
 }
 """Curves of bifurcations of the same orbits through points of codimension two."""
 
-_PITCHFORK = CodimensionTwoKind.DEGENERATE_PITCHFORK
+_DEGENERATE = {
+    _FOLD: CodimensionTwoKind.CUSP,
+    _FLIP: CodimensionTwoKind.GENERALISED_FLIP,
+    _PITCH: CodimensionTwoKind.DEGENERATE_PITCHFORK,
+    _TORUS: CodimensionTwoKind.CHENCINER,
+}
+"""Points at which the coefficient of a normal form vanishes."""
+
+_TWICE = {1.0: CodimensionTwoKind.RESONANCE_1_1, -1.0: CodimensionTwoKind.RESONANCE_1_2}
+"""Points at which a real multiplier is a double one."""
+
 _COSINES = {
     CodimensionTwoKind.RESONANCE_1_1: 1.0,
     CodimensionTwoKind.RESONANCE_1_2: -1.0,
@@ -50,7 +63,6 @@ _COSINES = {
 """Cosines of the angles of multipliers at strong resonances."""
 
 _PAIRS = {CodimensionTwoKind.FOLD_NEIMARK_SACKER, CodimensionTwoKind.FLIP_NEIMARK_SACKER}
-_MET = {CodimensionTwoKind.RESONANCE_1_1, CodimensionTwoKind.RESONANCE_1_2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +115,7 @@ class CodimensionTwo:
 
 
 def points_on(
-    problem: SingularOrbits, names: tuple[str, str], places: Sequence[SolutionPoint]
+    problem: SingularOrbits, names: tuple[str, str], places: Sequence[SolutionPoint], progress: bool = False
 ) -> tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]:
     """Return the points of codimension two on a curve through places, in its order.
 
@@ -113,28 +125,31 @@ def points_on(
     unknowns = np.array([p.unknowns for p in places])
     matrices, forms = problem.matrices(unknowns), tests.forms(unknowns)
     frames = [tests.frame(matrix) for matrix in matrices]
-    own = [tests.values(matrix, forms, k, frames[k]) for k, matrix in enumerate(matrices)]
+    own = [tests.values(matrix, forms.at(0, k), frames[k]) for k, matrix in enumerate(matrices)]
     everywhere = _vanishing(own)
     found: dict[tuple[int, float, CodimensionTwoKind], SolutionPoint] = {}
     known: dict[CodimensionTwoKind, int] = {}
-    for j, end in enumerate(places):
-        here = own[j].keys() - everywhere
-        # Where a test function is not known, the next place where it is has the last one as its neighbour.
-        for k in {known[kind] for kind in here & known.keys()}:
-            begin, frame, after = places[k], frames[k], tests.values(matrices[j], forms, j, frames[k])
-            part = ContinuationStep(problem, begin, end, float(begin.tangent @ (end.unknowns - begin.unknowns)))
-            for kind in (kind for kind in here & known.keys() & after.keys() if known[kind] == k):
-                values = own[k][kind].value, after[kind].value
-                size = max(map(abs, values))
-                at_begin, at_end = (abs(value) <= _AT_PLACE * size for value in values)
-                if at_begin or at_end:
-                    found[j if at_end else k, 0.0, kind] = end if at_end else begin
-                elif values[0] * values[1] < 0.0:
-                    place = part.located(lambda p, kind=kind, frame=frame: tests.at(p, frame, kind))  # type: ignore[misc]
-                    # A test function changes its sign at a pole as well.
-                    if place is not None and abs(tests.at(place, frame, kind)) < _SMALL * size:
-                        found[k, abs(part.along(place.unknowns)), kind] = place
-        known |= dict.fromkeys(here, j)
+    with progress_bar(len(places), "points of codimension two" if progress else None) as tick:
+        for j, end in enumerate(places):
+            check_stop()
+            here = own[j].keys() - everywhere
+            # Where a test function is not known, the next place where it is has the last one as its neighbour.
+            for k in {known[kind] for kind in here & known.keys()}:
+                begin, frame, after = places[k], frames[k], tests.values(matrices[j], forms.at(0, j), frames[k])
+                part = ContinuationStep(problem, begin, end, float(begin.tangent @ (end.unknowns - begin.unknowns)))
+                for kind in (kind for kind in here & known.keys() & after.keys() if known[kind] == k):
+                    values = own[k][kind].value, after[kind].value
+                    size = max(map(abs, values))
+                    at_begin, at_end = (abs(value) <= _AT_PLACE * size for value in values)
+                    if at_begin or at_end:
+                        found[j if at_end else k, 0.0, kind] = end if at_end else begin
+                    elif values[0] * values[1] < 0.0:
+                        place = part.located(functools.partial(tests.at, frame=frame, kind=kind))
+                        # A test function changes its sign at a pole as well.
+                        if place is not None and abs(tests.at(place, frame, kind)) < _SMALL * size:
+                            found[k, abs(part.along(place.unknowns)), kind] = place
+            known |= dict.fromkeys(here, j)
+            tick(1)
     last = len(places) - 2
     points = (
         _point(problem, names, min(k, last), kind, place)
@@ -209,18 +224,18 @@ class _Tests:
         kind: CodimensionTwoKind,
     ) -> float:
         """Return a test function at a place, NaN where it is not known."""
-        found = self.values(self.problem.matrix(place), self.forms(place.unknowns[None]), 0, frame).get(kind)
+        tensors = self.forms(place.unknowns[None]).at(0, 0) if kind in _DEGENERATE.values() else None
+        found = self.values(self.problem.matrix(place), tensors, frame).get(kind)
         return np.nan if found is None else found.value
 
     def values(
         self,
         matrix: NDArray[np.float64],
-        forms: MultilinearForms,
-        number: int,
+        at: tuple[NDArray[np.float64], ...] | None,
         frame: tuple[NDArray[np.float64], NDArray[np.float64]],
     ) -> dict[CodimensionTwoKind, _TestValue]:
-        """Return the test functions at one of the points of the forms, those that are known."""
-        kind, at = self.problem.kind, forms.at(0, number)
+        """Return the test functions at a place that are known; without derivatives of the map, those of multipliers."""
+        kind = self.problem.kind
         if not np.isfinite(matrix).all():
             return {}
         if kind is _TORUS:
@@ -235,22 +250,18 @@ class _Tests:
         q, p = inverse[:-1, -1], inverse[-1, :-1]
         others = _without(multipliers_of(matrix), self._critical)
         found = {} if len(others) < 2 else {_with_pair(kind): _TestValue(float(pairs_beside_one(others)))}
-        reduced = coefficient(kind, self._critical, at, q, p).real
-        if kind is _FOLD:
-            found[CodimensionTwoKind.CUSP] = _TestValue(reduced, _ROUNDING * float(np.abs(at[1]).max()))
-            found[CodimensionTwoKind.RESONANCE_1_1] = _TestValue(float(p @ q))
-        else:
-            factor = _without_pole(matrix) if kind is _FLIP else 1.0
-            if abs(factor) > _SINGULAR:
-                degenerate = CodimensionTwoKind.GENERALISED_FLIP if kind is _FLIP else _PITCHFORK
-                found[degenerate] = _TestValue(reduced * factor, _ROUNDING * _cubic_size(at))
-            if kind is not _FLIP:
-                return found
-            found[CodimensionTwoKind.RESONANCE_1_2] = _TestValue(float(p @ q))
-        return found | {CodimensionTwoKind.FOLD_FLIP: _TestValue(float(np.linalg.det(matrix + self._critical * unit)))}
+        if kind is not _PITCH:
+            found[_TWICE[self._critical]] = _TestValue(float(p @ q))
+            found[CodimensionTwoKind.FOLD_FLIP] = _TestValue(float(np.linalg.det(matrix + self._critical * unit)))
+        factor = _without_pole(matrix) if kind is _FLIP else 1.0
+        if at is not None and abs(factor) > _SINGULAR:
+            reduced = factor * coefficient(kind, self._critical, at, q, p).real
+            size = float(np.abs(at[1]).max()) if kind is _FOLD else _cubic_size(at)
+            found[_DEGENERATE[kind]] = _TestValue(reduced, _ROUNDING * size)
+        return found
 
     def _of_pairs(
-        self, matrix: NDArray[np.float64], forms: tuple[NDArray[np.float64], ...]
+        self, matrix: NDArray[np.float64], forms: tuple[NDArray[np.float64], ...] | None
     ) -> dict[CodimensionTwoKind, _TestValue]:
         cosine, multipliers = cosine_of_pair(matrix), multipliers_of(matrix)
         found = {kind: _TestValue(cosine - value) for kind, value in _COSINES.items()}
@@ -259,6 +270,8 @@ class _Tests:
         if len(others):
             found[CodimensionTwoKind.FOLD_NEIMARK_SACKER] = _TestValue(float(np.prod(others - 1.0).real))
             found[CodimensionTwoKind.FLIP_NEIMARK_SACKER] = _TestValue(float(np.prod(others + 1.0).real))
+        if forms is None:
+            return found
         reduced = Reduction.of(self.problem.kind, forms, self.problem.orbits.scale[: len(matrix)])
         factor = _without_pole(matrix)
         # At a 1:3 resonance the coefficient is a quotient of numbers that vanish.
@@ -266,13 +279,13 @@ class _Tests:
         if reduced is not None and np.isfinite(reduced.coefficient) and abs(factor) > _SINGULAR and not resonant:
             right, left = (float(np.linalg.norm(v)) for v in (reduced.right, reduced.left))
             terms = abs(factor) * left * right**3 * _cubic_size(forms)
-            found[CodimensionTwoKind.CHENCINER] = _TestValue(reduced.coefficient.real * factor, _ROUNDING * terms)
+            found[_DEGENERATE[_TORUS]] = _TestValue(reduced.coefficient.real * factor, _ROUNDING * terms)
         return found
 
     def confirms(self, kind: CodimensionTwoKind, place: SolutionPoint) -> bool:
         """Return whether the pair of multipliers that a kind asks for is complex."""
         multipliers = multipliers_of(self.problem.matrix(place))
-        if kind in _MET or (self.problem.kind is not _TORUS and kind not in _PAIRS):
+        if kind in _TWICE.values() or (self.problem.kind is not _TORUS and kind not in _PAIRS):
             return True
         pair = multipliers if self.problem.kind is _TORUS else _without(multipliers, self._critical)
         return bool(abs(pair[pair_on_circle(pair)[0]].imag) > _REAL)

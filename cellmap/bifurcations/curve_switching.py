@@ -44,7 +44,7 @@ def switch_curve(
     curve : BifurcationCurve
         The curve on which the point was found.
     point : CodimensionTwo
-        One of its `codimension_two`, with `new_curves`.
+        One of its `codimension_two()`, with `new_curves`.
     first, second : tuple of float
         Intervals of both parameters, in their units.
     step, max_points, progress
@@ -73,18 +73,18 @@ def switch_curve(
     >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], p.b * x[0]), {"a": 0.2, "b": 0.3}, ("x", "y"))
     >>> branch = continue_orbit(henon, periodic_orbit(henon, [0.5, 0.2]), "a", 0.0, 1.4)
     >>> doublings = continue_bifurcation(branch, branch.bifurcations[0], "b", (0.0, 4.0), (-1.5, 0.9))
-    >>> doublings.codimension_two
+    >>> doublings.codimension_two()
     (CodimensionTwo(1:2 resonance at a=3, b=-1),)
-    >>> switch_curve(doublings, doublings.codimension_two[0], (-2.0, 4.0), (-1.5, 0.9))
+    >>> switch_curve(doublings, doublings.codimension_two()[0], (-2.0, 4.0), (-1.5, 0.9))
     BifurcationCurve(Neimark-Sacker, ... points, a from -1 to 3, b from -1 to -1)
     """
     chosen = new_curve or next(iter(point.new_curves), None)
     if chosen is None or chosen not in point.new_curves:
         known = ", ".join(map(repr, point.new_curves)) or "no other curve of bifurcations of periodic orbits"
         raise ValueError(f"new_curve={new_curve!r}: {point!r} has {known}")
-    own = (p for p in curve.codimension_two if (p.kind, p.parameters) == (point.kind, point.parameters))
+    own = (p for p in curve.codimension_two() if (p.kind, p.parameters) == (point.kind, point.parameters))
     if not any(np.array_equal(p.values, point.values) for p in own):
-        raise ValueError(f"point={point!r} is not on {curve!r}: give one of its codimension_two")
+        raise ValueError(f"point={point!r} is not on {curve!r}: give one of its codimension_two()")
     names, old = curve.parameters, curve._problem.orbits
     box = (interval_of("first", first, point.values[0]), interval_of("second", second, point.values[1]))
     spans = [high - low for low, high in box]

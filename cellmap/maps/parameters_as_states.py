@@ -15,6 +15,7 @@ import numpy as np
 
 from .._compiled.codegen.trace import parameter_record
 from .._lib.checks import known_parameter
+from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .coordinates import Coordinate
 from .formulas import unknown_formulas
@@ -70,7 +71,7 @@ class Swept(MapSpec[PointMap]):
     exact: PointMap
     names: tuple[str, ...]
 
-    @property
+    @computed_once
     def _vectorised(self) -> MapSpec[PointMap] | None:
         return self.exact.specified.swept(self.names)
 

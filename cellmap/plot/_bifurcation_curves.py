@@ -89,7 +89,7 @@ def bifurcation_curves(
         words = str(curve.kind) + (f", period {curve.period}" if curve.period > 1 else "")
         (handles[words],) = ax.plot(*curve.values.T, style, color=KIND_COLOURS[curve.kind], linewidth=1.4)
     named: dict[str, str] = {}
-    for point in (p for c in several for p in c.codimension_two) if codimension_two else ():
+    for point in (p for c in several for p in c.codimension_two()) if codimension_two else ():
         ax.plot(*point.values, "o", color="black", markersize=4.0, zorder=3)
         short = SHORT_NAMES[point.kind]
         place = (float(point.values[0]), float(point.values[1]))

@@ -11,6 +11,7 @@ import pytest
 from differences import Differences
 
 from cellmap import PointMap, continue_orbit, discrete_map, periodic_orbit, stroboscopic_map
+from cellmap._lib.stopping import Stop, Stopped, heeding
 from cellmap.bifurcations import (
     BifurcationCurve,
     BifurcationKind,
@@ -20,6 +21,8 @@ from cellmap.bifurcations import (
     continue_bifurcation,
     switch_curve,
 )
+from cellmap.maps import swept_map
+from cellmap.maps.parameters_as_states import Swept
 from systems import duffing_oscillator
 
 FOLD, DOUBLING = BifurcationKind.FOLD, BifurcationKind.PERIOD_DOUBLING
@@ -43,7 +46,7 @@ def of_two(function: Callable[..., Any], p: float, q: float, *names: str) -> Poi
 
 
 def only(curve: BifurcationCurve, kind: CodimensionTwoKind) -> CodimensionTwo:
-    (found,) = (c for c in curve.codimension_two if c.kind is kind)
+    (found,) = (c for c in curve.codimension_two() if c.kind is kind)
     return found
 
 
@@ -81,12 +84,12 @@ RESONANCES = {
 def test_strong_resonances_of_the_generalised_henon_map(henon: dict[BifurcationKind, BifurcationCurve]) -> None:
     curve = henon[NEIMARK_SACKER]
     assert curve.ends == ("multipliers met on the real axis",) * 2
-    assert {p.kind for p in curve.codimension_two} == set(RESONANCES)
-    assert len(curve.codimension_two) == 4
-    for point in curve.codimension_two:
+    assert {p.kind for p in curve.codimension_two()} == set(RESONANCES)
+    assert len(curve.codimension_two()) == 4
+    for point in curve.codimension_two():
         np.testing.assert_allclose(point.values, RESONANCES[point.kind], atol=1e-11)
-    assert curve.codimension_two[0].place == 0
-    np.testing.assert_array_equal(curve.values[0], curve.codimension_two[0].values)
+    assert curve.codimension_two()[0].place == 0
+    np.testing.assert_array_equal(curve.values[0], curve.codimension_two()[0].values)
     # The trace of the multipliers is (R - 2) x all along the curve.
     x = curve.points[:, 0]
     np.testing.assert_allclose(curve.values, np.transpose(generalised_henon((R - 2.0) * x, 1.0)), atol=1e-10)
@@ -94,7 +97,7 @@ def test_strong_resonances_of_the_generalised_henon_map(henon: dict[BifurcationK
 
 def test_fold_flip_and_resonances_from_both_curves(henon: dict[BifurcationKind, BifurcationCurve]) -> None:
     for kind, resonance in ((FOLD, POINT.RESONANCE_1_1), (DOUBLING, POINT.RESONANCE_1_2)):
-        assert {p.kind for p in henon[kind].codimension_two} == {POINT.FOLD_FLIP, resonance}
+        assert {p.kind for p in henon[kind].codimension_two()} == {POINT.FOLD_FLIP, resonance}
         found = only(henon[kind], resonance)
         np.testing.assert_allclose(found.values, RESONANCES[resonance], atol=1e-11)
         assert found.new_curves[0] == NewCurve(NEIMARK_SACKER)
@@ -103,7 +106,7 @@ def test_fold_flip_and_resonances_from_both_curves(henon: dict[BifurcationKind, 
         other = switch_curve(henon[kind], both, *WIDE, step=0.05)
         assert other.kind is both.new_curves[0].kind
         assert other.kind is ({FOLD, DOUBLING} - {kind}).pop()
-        assert {p.kind for p in other.codimension_two} >= {POINT.FOLD_FLIP}
+        assert {p.kind for p in other.codimension_two()} >= {POINT.FOLD_FLIP}
 
 
 def test_the_curve_that_leaves_a_resonance(henon: dict[BifurcationKind, BifurcationCurve]) -> None:
@@ -111,7 +114,7 @@ def test_the_curve_that_leaves_a_resonance(henon: dict[BifurcationKind, Bifurcat
     curve = switch_curve(henon[DOUBLING], start, *WIDE, step=0.05)
     assert curve.kind is NEIMARK_SACKER
     assert curve.ends == ("multipliers met on the real axis",) * 2
-    assert {p.kind for p in curve.codimension_two} == set(RESONANCES)
+    assert {p.kind for p in curve.codimension_two()} == set(RESONANCES)
     np.testing.assert_allclose(np.abs(curve.multipliers), 1.0, atol=1e-7)
     x = curve.points[:, 0]
     np.testing.assert_allclose(curve.values, np.transpose(generalised_henon((R - 2.0) * x, 1.0)), atol=1e-10)
@@ -121,7 +124,7 @@ def test_the_doublings_of_the_henon_map_have_a_resonance() -> None:
     # Period doubling at a = 3 (1 - b)^2/4, multipliers -1 and b: 1:2 resonance at b = -1.
     exact = discrete_map(lambda x, p: (1 - p.a * x[0] ** 2 + x[1], p.b * x[0]), {"a": 0.2, "b": 0.3}, ("x", "y"))
     curve = curve_of(exact, [0.5, 0.2], DOUBLING, ((0.0, 4.0), (-1.5, 0.9)), ("a", "b"))
-    (found,) = curve.codimension_two
+    (found,) = curve.codimension_two()
     assert found.kind is POINT.RESONANCE_1_2
     np.testing.assert_allclose(found.values, [3.0, -1.0], atol=1e-11)
 
@@ -129,7 +132,7 @@ def test_the_doublings_of_the_henon_map_have_a_resonance() -> None:
 def test_a_cusp() -> None:
     exact = of_two(lambda x, p: (x[0] + p.p + p.q * x[0] - x[0] ** 3,), 0.0, 0.7, "x")
     curve = curve_of(exact, [sqrt(0.7)], FOLD)
-    (found,) = curve.codimension_two
+    (found,) = curve.codimension_two()
     assert found.kind is POINT.CUSP
     assert found.new_curves == ()
     np.testing.assert_allclose(found.values, 0.0, atol=1e-11)
@@ -141,7 +144,7 @@ def test_a_generalised_flip_and_the_folds_that_begin_there(bend: float) -> None:
     # x -> -(1 + p) x + bend x^2 + q x^3 + x^5: b = q + bend^2, and without bend folds x = -f(x) at p = -q^2/4.
     exact = of_two(lambda x, p: (-(1 + p.p) * x[0] + bend * x[0] ** 2 + p.q * x[0] ** 3 + x[0] ** 5,), -0.5, 0.7, "x")
     curve = curve_of(exact, [0.0], DOUBLING)
-    (found,) = curve.codimension_two
+    (found,) = curve.codimension_two()
     assert found.kind is POINT.GENERALISED_FLIP
     np.testing.assert_allclose(found.values, [0.0, -(bend**2)], atol=1e-11)
     folds = switch_curve(curve, found, *UNIT, step=0.05)
@@ -155,7 +158,7 @@ def test_a_generalised_flip_and_the_folds_that_begin_there(bend: float) -> None:
 def test_a_degenerate_pitchfork_and_the_folds_that_begin_there() -> None:
     exact = of_two(lambda x, p: ((1 + p.p) * x[0] + p.q * x[0] ** 3 + x[0] ** 5,), -0.5, 0.7, "x")
     curve = curve_of(exact, [0.0], PITCHFORK)
-    (found,) = curve.codimension_two
+    (found,) = curve.codimension_two()
     assert found.kind is POINT.DEGENERATE_PITCHFORK
     folds = switch_curve(curve, found, *UNIT, step=0.05)
     assert (folds.period, folds.ends[0]) == (1, "degenerate pitchfork")
@@ -171,7 +174,7 @@ def test_a_chenciner_bifurcation() -> None:
         r = x[0] ** 2 + x[1] ** 2
         return rotated(x, 1 + p.p + p.q * r - r**2)
 
-    (found,) = curve_of(of_two(ring, -0.2, 0.33, "x", "y"), [0.0, 0.0], NEIMARK_SACKER).codimension_two
+    (found,) = curve_of(of_two(ring, -0.2, 0.33, "x", "y"), [0.0, 0.0], NEIMARK_SACKER).codimension_two()
     assert found.kind is POINT.CHENCINER
     np.testing.assert_allclose(found.values, 0.0, atol=1e-11)
 
@@ -190,12 +193,12 @@ def test_fold_and_flip_with_neimark_sacker() -> None:
         POINT.CHENCINER: (-0.0375, 0.005625),
         POINT.FLIP_NEIMARK_SACKER: (-0.5, 1.0),
     }
-    assert {p.kind for p in curve.codimension_two} == set(expected)
-    for point in curve.codimension_two:
+    assert {p.kind for p in curve.codimension_two()} == set(expected)
+    for point in curve.codimension_two():
         np.testing.assert_allclose(point.values, expected[point.kind], atol=1e-10)
     folds = switch_curve(curve, only(curve, POINT.FOLD_NEIMARK_SACKER), (-1.0, 0.5), (-0.5, 1.5), step=0.1)
     np.testing.assert_allclose(folds.values[:, 1], 0.0, atol=1e-11)
-    assert [p.kind for p in folds.codimension_two] == [POINT.FOLD_NEIMARK_SACKER]
+    assert [p.kind for p in folds.codimension_two()] == [POINT.FOLD_NEIMARK_SACKER]
     flips = switch_curve(curve, only(curve, POINT.FLIP_NEIMARK_SACKER), (-1.0, 0.5), (-0.5, 1.5), step=0.1)
     np.testing.assert_allclose(flips.values[:, 1], 1.0, atol=1e-11)
 
@@ -213,6 +216,23 @@ def test_the_cusp_of_the_duffing_oscillator() -> None:
     assert cusp.normal_form is not None
     cubic = Differences(system, cusp.point, (1.0, 1.0), 0.02).coefficient(PITCHFORK)
     assert cusp.normal_form.coefficients["c"] == pytest.approx(cubic, rel=1e-5)
+
+
+def test_points_are_computed_once_and_in_parts_that_can_be_stopped() -> None:
+    exact = of_two(lambda x, p: (x[0] + p.p + p.q * x[0] - x[0] ** 3,), 0.0, 0.7, "x")
+    curve = curve_of(exact, [sqrt(0.7)], FOLD)
+    with pytest.raises(Stopped), heeding(Stop(0.0)):
+        curve.codimension_two()
+    found = curve.codimension_two(progress=True)
+    assert curve.codimension_two() is found
+    assert curve.degeneracies() == frozenset()
+
+
+def test_a_map_with_parameters_in_its_state_is_specified_once() -> None:
+    """Derivatives of a higher order are integrated by a method that is chosen once, not at each point."""
+    swept = swept_map(stroboscopic_map(duffing_oscillator()), "frequency", "forcing").specified
+    assert isinstance(swept, Swept)
+    assert swept._vectorised is swept._vectorised
 
 
 def test_points_without_another_curve_are_refused(henon: dict[BifurcationKind, BifurcationCurve]) -> None:

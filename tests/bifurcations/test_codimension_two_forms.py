@@ -186,7 +186,7 @@ def test_points_of_a_curve_have_their_forms() -> None:
     branch = continue_orbit(exact, periodic_orbit(exact, [0.6, 0.6]), "r", 1.2, 8.0, step=0.03)
     (circle,) = branch.bifurcations
     curve = continue_bifurcation(branch, circle, "c", (1.2, 8.0), (0.0, 1.2), step=0.03)
-    for point, r, c in zip(curve.codimension_two, (5.0, 4.0, 3.0), (1 / 4, 1 / 3, 1 / 2), strict=True):
+    for point, r, c in zip(curve.codimension_two(), (5.0, 4.0, 3.0), (1 / 4, 1 / 3, 1 / 2), strict=True):
         there = codimension_two_form(exact.with_params(r=r, c=c), [1.0 - 1.0 / r] * 2, point.kind)
         assert point.normal_form is not None
         assert_meets(point.normal_form, there.coefficients)

@@ -33,7 +33,7 @@ def curve_of(exact: PointMap, state: list[float], kind: BifurcationKind, first: 
 
 
 def only(curve: BifurcationCurve, kind: CodimensionTwoKind) -> CodimensionTwo:
-    (found,) = (c for c in curve.codimension_two if c.kind is kind)
+    (found,) = (c for c in curve.codimension_two() if c.kind is kind)
     return found
 
 
@@ -80,7 +80,7 @@ def test_neimark_sacker_bifurcations_of_the_doubled_orbit(
         alpha, (1 + beta) ** 2 - (1 + R) * (1 - beta**2 + R * beta * (1 + beta)) / R**2, atol=1e-9
     )
     assert np.abs(found.values[0] - start.values).max() < 0.02
-    assert {p.kind for p in found.codimension_two} == {POINT.RESONANCE_1_2, POINT.RESONANCE_1_3, POINT.RESONANCE_1_4}
+    assert {p.kind for p in found.codimension_two()} == {POINT.RESONANCE_1_2, POINT.RESONANCE_1_3, POINT.RESONANCE_1_4}
 
 
 def residual(kind: BifurcationKind, v: NDArray[np.float64], beta: float) -> list[float]:
@@ -180,7 +180,7 @@ def test_curves_of_random_maps_are_found() -> None:
         branch = continue_orbit(exact, periodic_orbit(exact, [0.0, 0.0]), "a", -3.0, 3.0, step=0.03, max_points=100)
         for bifurcation in branch.of_kind(NEIMARK_SACKER)[:1]:
             curve = continue_bifurcation(branch, bifurcation, "b", (-3.0, 3.0), (-2.5, 2.5), 0.03, 100)
-            for point in curve.codimension_two:
+            for point in curve.codimension_two():
                 for new in point.new_curves:
                     if new.times > 1:
                         box = (-3.0, 3.0), (-2.5, 2.5)

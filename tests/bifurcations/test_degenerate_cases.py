@@ -90,7 +90,7 @@ def test_a_resonance_at_the_end_of_a_curve_makes_no_other_point(highest: float) 
     curve = curve_of(prey, [1.0 / 1.8, 3.0 * (1.0 - 1.0 / 1.8) - 1.0], "d", "r", box, BifurcationKind.NEIMARK_SACKER)
     d, r = curve.values.T
     np.testing.assert_allclose(r, d / (d - 2.0), rtol=1e-9)
-    assert {p.kind: tuple(p.values.round(9)) for p in curve.codimension_two} == {
+    assert {p.kind: tuple(p.values.round(9)) for p in curve.codimension_two()} == {
         CodimensionTwoKind.RESONANCE_1_4: (2.5, 5.0),
         CodimensionTwoKind.RESONANCE_1_3: (round(7.0 / 3.0, 9), 7.0),
     }
@@ -105,13 +105,13 @@ def test_conditions_that_hold_along_a_curve_are_named_once() -> None:
         duopoly, [5.0 / 36.0, 1.0 / 36.0], "b", "a", ((4.0, 6.2), (0.8, 1.1)), BifurcationKind.NEIMARK_SACKER
     )
     np.testing.assert_allclose(curve.values[:, 0] / curve.values[:, 1], 3.0 + 2.0 * sqrt(2.0), rtol=1e-12)
-    assert curve.codimension_two == () and CodimensionTwoKind.RESONANCE_1_4 in curve.degeneracies
+    assert curve.codimension_two() == () and CodimensionTwoKind.RESONANCE_1_4 in curve.degeneracies()
 
     shifted = discrete_map(
         lambda x, p: (-(1.0 + p.q) * (1.0 + p.s) * x[1] + x[1] ** 3, x[0]), {"q": -0.1, "s": 0.0}, ("x", "y")
     )
     curve = curve_of(shifted, [0.0, 0.0], "q", "s", ((-0.3, 0.3), (-0.2, 0.2)), BifurcationKind.NEIMARK_SACKER)
-    assert curve.codimension_two == () and curve.degeneracies == {CodimensionTwoKind.RESONANCE_1_4}
+    assert curve.codimension_two() == () and curve.degeneracies() == {CodimensionTwoKind.RESONANCE_1_4}
 
 
 def test_a_line_of_orbits_is_no_pitchfork() -> None:

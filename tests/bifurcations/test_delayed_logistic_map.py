@@ -22,9 +22,9 @@ def curve(exact: PointMap, state: float, kind: BifurcationKind, first: Any, seco
 
 def assert_points(found: BifurcationCurve, expected: dict[CodimensionTwoKind, tuple[float, float, float]]) -> None:
     """Compare the points on a curve with the parameters and the state x that are expected."""
-    assert {p.kind for p in found.codimension_two} == set(expected)
-    assert len(found.codimension_two) == len(expected)
-    for point in found.codimension_two:
+    assert {p.kind for p in found.codimension_two()} == set(expected)
+    assert len(found.codimension_two()) == len(expected)
+    for point in found.codimension_two():
         np.testing.assert_allclose([*point.values, point.point[0]], expected[point.kind], atol=1e-10)
 
 

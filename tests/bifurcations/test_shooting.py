@@ -142,7 +142,7 @@ def test_a_curve_of_folds_with_multipliers_up_to_1e21() -> None:
     np.testing.assert_allclose(straight.multipliers[:, 0].real, np.exp(2 * pi * straight.values[:, 1]), rtol=1e-9)
     np.testing.assert_allclose(straight.multipliers[:, 1], 1.0, atol=1e-6)
     assert straight.multipliers[:, 0].real.max() > 1e21
-    assert straight.codimension_two == ()
+    assert straight.codimension_two() == ()
 
 
 def test_a_curve_of_period_doublings_beside_a_multiplier_of_1e10() -> None:

@@ -58,7 +58,7 @@ def sample(name: str) -> Any:
         case "BifurcationCurve":
             return doublings_of_henon()
         case "CodimensionTwo":
-            return doublings_of_henon().codimension_two[0]
+            return doublings_of_henon().codimension_two()[0]
         case "NewCurve":
             return sample("CodimensionTwo").new_curves[0]
         case "ConnectingOrbit":
