@@ -7,12 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .._lib.stopping import check_stop
 from ..maps.coordinates import Coordinate, difference
-from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
-from ..maps.side_by_side import advance_on_threads
-from ..orbits.newton import newton, resolution
+from ..orbits.newton import newton, resolution, return_distances
 
 
 @dataclass(eq=False)
@@ -62,25 +59,11 @@ class Examined:
         )
 
     def return_distances(self, point_map: PointMap, ends: NDArray[np.float64], max_period: int) -> NDArray[np.float64]:
-        """Return what :func:`_return_distances` does; ends that were looked at just before are not followed again."""
+        """Return what :func:`return_distances` does; ends that were looked at just before are not followed again."""
         keys = [end.tobytes() for end in ends]
-        new = [i for i, key in enumerate(keys) if len(self.distances.get(key, ())) != max_period + 1]
+        new = [i for i, key in enumerate(keys) if len(self.distances.get(key, ())) != max_period]
         if new:
-            found = _return_distances(point_map, ends[new], max_period, self.extent)
+            found = return_distances(point_map, ends[new], max_period, self.extent)
             self.distances |= {keys[i]: distances for i, distances in zip(new, found.T, strict=True)}
         self.distances = {key: self.distances[key] for key in keys}
         return np.array([self.distances[key] for key in keys]).T
-
-
-def _return_distances(
-    point_map: PointMap, ends: NDArray[np.float64], max_period: int, extent: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the distance of each end from its image after each number of periods, shape (max_period + 1, n)."""
-    orbit = Orbits.starting(ends.copy())
-    distance = np.full((max_period + 1, len(ends)), np.inf)
-    for q in range(1, max_period + 1):
-        check_stop()
-        advance_on_threads(point_map.advance, orbit, 1)
-        shift = difference(orbit.points, ends, point_map.coordinates) / extent
-        distance[q] = np.where(orbit.alive, np.abs(shift).max(axis=-1), np.inf)
-    return distance

@@ -33,14 +33,14 @@ def guesses_of(
     """
     ends = states[np.unique(np.linspace(0, len(states) - 1, LOOKED_AT).round().astype(np.int64))]
     distance = examined.return_distances(point_map, ends, max_period)
-    patience = np.argsort(distance[1:].min(axis=0), kind="stable")
+    patience = np.argsort(distance.min(axis=0), kind="stable")
     chosen = _far_apart(ends, np.arange(len(ends)), point_map, extent)
     chosen += [i for i in _far_apart(ends, patience[:_SETTLING], point_map, extent) if i not in chosen]
     ends, distance = ends[chosen], distance[:, chosen]
     yield ends, np.ones(len(ends), np.int64)
     if max_period > 1:
-        closest = 2 + np.argsort(distance[2:], axis=0, kind="stable")[:_RETURNS]
-        close = np.take_along_axis(distance, closest, axis=0) < _RETURNED
+        closest = 2 + np.argsort(distance[1:], axis=0, kind="stable")[:_RETURNS]
+        close = np.take_along_axis(distance, closest - 1, axis=0) < _RETURNED
         rank, row = np.nonzero(close & ~_multiples(closest))
         if len(row):
             yield ends[row], closest[rank, row]

@@ -7,14 +7,12 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from .._lib.stopping import check_stop
 from .._lib.threads import slices
-from ..maps.coordinates import difference, turns_of
-from ..maps.orbit_batch import Orbits
+from ..maps.coordinates import turns_of
 from ..maps.point_map import PointMap
-from ..maps.side_by_side import advance_on_threads
 from ..maps.tangent import jacobian
 from ..orbits.attractor import Attractor, Neighbourhood
+from ..orbits.ellipsoids import directions, displaced, eigenvector_metrics, summed_metric
 
 _DIRECTIONS = 96  # on a circle
 _FINE = {1: 1.01, 2: 1.0 + 2 * np.pi / _DIRECTIONS}  # from one shell to the next; else 1.1
@@ -31,7 +29,6 @@ _ATTEMPTS = 16  # smaller radii at which the map may be all but linear, and
 _ABOVE = 5  # octaves above the resolved one
 _WIDE_MARGIN = 0.25  # contraction margin from which it may be rounding that hides what the map does around a point
 _FLIPPING = -0.9  # multiplier below which two periods of the attractor are taken together
-_PARALLEL = 1e4  # condition of eigenvectors from which they make no metric
 _NARROWEST = 1e-6  # smallest region in which ellipsoids are sought, relative to abs(point)
 _FARTHEST = 1e4  # largest half-width of an ellipsoid, relative to 1 + abs(point)
 
@@ -124,7 +121,8 @@ class _Shells:
         self.metric = metric / np.outer(limit, limit)
         root = np.linalg.cholesky(self.metric)
         inverse_root = np.linalg.inv(root).T  # unit sphere -> unit ellipsoid
-        self.offsets = _directions(exact.dimension) @ inverse_root.T
+        sphere = directions(exact.dimension, _DIRECTIONS, 128 * exact.dimension)
+        self.offsets = sphere @ inverse_root.T
         self.linear = float(np.linalg.norm(root.T @ matrix @ inverse_root, 2))
         self.together = max(1, _TOGETHER // len(self.offsets))
         self.fine = _FINE.get(exact.dimension, 1.1)
@@ -208,16 +206,10 @@ class _Shells:
     def shrink_into(self, later: _Shells, steps: int) -> bool:
         """Take a radius at which the surface comes into the ellipsoid of a later point; tell whether there is one."""
         radii = later.radius * 0.25 ** np.arange(float(_ATTEMPTS))
-        images = Orbits.starting((self.centre + radii[:, None, None] * self.offsets).reshape(-1, self.exact.dimension))
-        images.wrap(*turns_of(self.exact.coordinates))
-        check_stop()
-        advance_on_threads(self.exact.advance, images, steps)
-        after = difference(images.points, later.centre, self.exact.coordinates).reshape(
-            len(radii), -1, len(self.centre)
-        )
+        after, alive = self._displaced(radii, steps, later.centre)
         # Half of it: the points between those of the surface come into all of it.
         with np.errstate(invalid="ignore"):
-            inside = (later.norm(after) <= 0.5 * later.radius).all(axis=1) & images.alive.reshape(len(radii), -1).all(1)
+            inside = ((later.norm(after) <= 0.5 * later.radius) & alive).all(axis=1)
         self.radius = float(radii[np.argmax(inside)]) if inside.any() else 0.0
         return self.radius > 0.0
 
@@ -227,19 +219,20 @@ class _Shells:
         The smaller of two bounds for each surface: the factors observed, and the linear part plus the observed
         remainder, each with an allowance for directions between neighbouring ones.
         """
-        shift = radii[:, None, None] * self.offsets
-        images = Orbits.starting((self.centre + shift).reshape(-1, self.exact.dimension))
-        images.wrap(*turns_of(self.exact.coordinates))
-        check_stop()
-        advance_on_threads(self.exact.advance, images, self.period)
-        after = difference(images.points, self.centre, self.exact.coordinates).reshape(shift.shape)
+        after, alive = self._displaced(radii, self.period, self.centre)
         seen = self.norm(after) / radii[:, None]
-        rest = self.norm(after - shift @ self.matrix.T) / radii[:, None]
-        alive = images.alive.reshape(seen.shape)
+        rest = self.norm(after - radii[:, None, None] * self.offsets @ self.matrix.T) / radii[:, None]
         seen, rest = np.where(alive, seen, np.inf), np.where(alive, rest, np.inf)
         with np.errstate(invalid="ignore"):
             bound = np.minimum(_between(seen).max(axis=1), self.linear + _between(rest).max(axis=1))
         return np.where(np.isnan(bound), np.inf, bound), rest.max(axis=1)
+
+    def _displaced(
+        self, radii: NDArray[np.float64], periods: int, end: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return displacements (n, k, d) from a point of the images of surfaces, and which images there are."""
+        centres, ends = (np.tile(point, (len(radii), 1)) for point in (self.centre, end))
+        return displaced(self.exact, centres, radii[:, None, None] * self.offsets, np.full(len(radii), periods), ends)
 
     def norm(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the lengths of vectors in the metric."""
@@ -254,24 +247,9 @@ def _between(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _metrics(matrix: NDArray[np.float64], contraction: float) -> list[NDArray[np.float64]]:
-    """Return metrics in which a matrix contracts: one for any matrix, and one that eigenvectors make, where they can.
-
-    The first is the sum of the squared lengths of a vector under all powers of the matrix, weighted by powers of the
-    contraction that is asked for.  It weighs slow directions far more than fast ones, and is narrow along them where
-    one approaches slowly.  With eigenvectors as axes all directions weigh the same, but close to a double eigenvalue
-    they are nearly parallel.
-    """
-    total, power = np.eye(len(matrix)), matrix / contraction
-    while np.abs(power).max() > 1e-9 and np.abs(total).max() < 1e200:
-        total = total + power.T @ total @ power
-        power = power @ power
-    found = [0.5 * (total + total.T)]
-    axes = np.linalg.eig(matrix)[1]
-    if np.linalg.cond(axes) < _PARALLEL:
-        rows = np.linalg.inv(axes)
-        metric = np.real(rows.conj().T @ rows)
-        found.append(0.5 * (metric + metric.T))
-    return found
+    """Return metrics in which a matrix contracts: one for any matrix, and one of eigenvectors where these make one."""
+    (metric,), (good,) = eigenvector_metrics(matrix[None])
+    return [summed_metric(matrix, contraction), *([metric] if good else [])]
 
 
 def _product(steps: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -286,14 +264,3 @@ def _slowest(steps: NDArray[np.float64]) -> list[NDArray[np.complex128]]:
     for step in steps[:-1]:
         carried.append(step @ carried[-1])
     return carried
-
-
-def _directions(dimension: int) -> NDArray[np.float64]:
-    """Return unit vectors that cover the sphere densely: exact steps on a circle, a fixed random set beyond."""
-    if dimension == 1:
-        return np.array([[1.0], [-1.0]])
-    if dimension == 2:
-        angles = np.arange(_DIRECTIONS) * (2 * np.pi / _DIRECTIONS)
-        return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    vectors = np.random.default_rng(0).standard_normal((128 * dimension, dimension))
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))

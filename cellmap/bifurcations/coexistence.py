@@ -12,9 +12,10 @@ from .._lib.stopping import check_stop
 from ..maps.coordinates import turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
+from ..maps.tangent import tangent
 from ..orbits.lyapunov_qr import exponents_along
-from .lane_orbits import along, least_periods, monodromy_of, near_returns, refined, state_tangent
-from .lane_regions import Regions, regions_around
+from ..orbits.newton import followed, least_periods, newton, return_distances
+from .lane_regions import Regions, monodromy_of, regions_around
 
 _PILOTS = 8  # one of so many orbits goes ahead, so that regions are known in which the others converge,
 _AHEAD = 48  # by so many periods
@@ -24,6 +25,10 @@ _STRIDES = (4, 3, 4)  # periods in turn between tests of convergence, so that cy
 SAME_MEAN = 1e-4
 """Distance of means over orbits, in extents or radians, within which two attractors are one."""
 
+_NEAR = 0.05  # distance from its image, in extents, from which a point is refined,
+_REACH = 0.25  # and to which, at most
+_ALIKE = 0.1  # part by which a longer period has to close an orbit better to be tried in place of a shorter one
+_SAME = 1e-6  # distance, in extents, within which points are equal
 _STABLE = 1.0 - 1e-6
 _LED = 0.3  # distance of means over orbits within which an attractor leads to its neighbour
 _EXPONENT_PERIODS = 200
@@ -198,9 +203,10 @@ class _Search:
     def _attractors(self, states: NDArray[np.float64], place: NDArray[np.int64]) -> tuple[Attractors, Regions]:
         """Return the attracting periodic orbits beside states (n, d + 2) that are not known, with their regions."""
         job, d = self.job, self.dimension
-        near, period = near_returns(job.swept, states, job.max_period, job.extent)
-        states, place = states[near], place[near]
-        fresh, _, orbit, matrices = periodic_attractors(job, states, place, period)
+        apart = return_distances(job.swept, states, job.max_period, job.extent)
+        best = np.argmax(apart * _ALIKE <= apart.min(axis=0), axis=0)
+        near = np.flatnonzero(np.take_along_axis(apart, best[None], axis=0)[0] <= _NEAR)
+        fresh, _, orbit, matrices = periodic_attractors(job, states[near], place[near], best[near] + 1)
         unknown = self.regions.owners(fresh.point, fresh.place, job.swept.coordinates) < 0
         rows = np.flatnonzero(unknown)
         rows = rows[~self._known(fresh[rows])]
@@ -234,7 +240,7 @@ class _Search:
         states, matrices = self.orbits.points[first], np.empty((len(first), _EXPONENT_PERIODS, d, d))
         for k in range(_EXPONENT_PERIODS):
             check_stop()
-            images, matrices[:, k] = state_tangent(self.job.swept, states, d)
+            images, matrices[:, k] = tangent(self.job.swept, states, 1, d)
             states = wrap(images, self.job.swept.coordinates)
         exponents, errors = exponents_along(matrices)
         largest, error = exponents[:, 0], errors[:, 0]
@@ -264,11 +270,11 @@ def periodic_attractors(
 ) -> tuple[Attractors, NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
     """Return the stable periodic orbits beside states (n, d + 2), the rows of their states, orbits and derivatives."""
     d = len(job.extent)
-    points, good = refined(job.swept, states, period, job.extent)
+    points, good = newton(job.swept, states, period, job.extent, _REACH, attracting=True)
     rows = np.flatnonzero(good)
-    orbit, matrices, rotations = along(job.swept, points[rows], period[rows])
-    least = least_periods(orbit, period[rows], job.extent, job.swept)
-    modulus = np.abs(np.linalg.eigvals(monodromy_of(matrices, least))).max(axis=-1, initial=0.0)
+    orbit, matrices, rotations = followed(job.swept, points[rows], period[rows], d)
+    least = least_periods(job.swept, orbit, period[rows], _SAME * job.extent)
+    modulus = np.abs(np.linalg.eigvals(monodromy_of(matrices, least, np.arange(len(rows))))).max(axis=-1, initial=0.0)
     stable = np.flatnonzero(modulus < _STABLE)
     rows, orbit, matrices, least = rows[stable], orbit[stable], matrices[stable], least[stable]
     wound = rotations[stable, least - 1]

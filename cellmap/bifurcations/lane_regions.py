@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..maps.coordinates import Coordinate, difference
-from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
+from ..orbits.ellipsoids import directions, displaced, eigenvector_metrics, summed_metric
 
-_DIRECTIONS = 16  # for each dimension beyond the first
+_DIRECTIONS = 16  # in a plane, and twice as many for each dimension beyond the first in others
 _SHELLS = 2.0 ** np.arange(-7.0, 1.0)  # half-widths of ellipsoids that are tested, in quarters of the extent
-_PARALLEL = 1e4  # condition of eigenvectors from which they make no metric
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,90 +88,50 @@ def regions_around(
     owner = np.repeat(np.arange(len(period)), period)
     phase = np.arange(len(owner)) - np.repeat(np.cumsum(period) - period, period)
     d, rounds = len(extent), period[owner]
-    monodromy = np.broadcast_to(np.eye(d), (len(owner), d, d))
-    for k in range(matrices.shape[1]):
-        step = matrices[owner, (phase + k) % rounds]
-        monodromy = np.where((k < rounds)[:, None, None], step @ monodromy, monodromy)
+    monodromy = monodromy_of(matrices, period, owner, phase)
     limit = 0.25 * extent
     metric, factor = _metrics(monodromy * limit / limit[:, None])
     root = np.linalg.inv(np.linalg.cholesky(metric)).transpose(0, 2, 1)
     # In units of the limits the widest half-axis of an ellipsoid is 1.
     widest = np.sqrt((root**2).sum(axis=-1)).max(axis=-1)
-    surface = np.einsum("nij,kj->nki", root / widest[:, None, None], _directions(d))
+    surface = np.einsum(
+        "nij,kj->nki", root / widest[:, None, None], directions(d, _DIRECTIONS, 2 * _DIRECTIONS * (d - 1))
+    )
+    within = metric * widest[:, None, None] ** 2 / np.outer(limit, limit)
     centre, radius = orbit[owner, phase], np.zeros(len(owner))
     active = np.arange(len(owner))
     for shell in _SHELLS:
-        some = _contracting(
-            swept,
-            centre[active],
-            shell * surface[active] * limit,
-            metric[active] / shell**2 * widest[active, None, None] ** 2 / np.outer(limit, limit),
-            rounds[active],
-            0.5 * (1.0 + factor[active]),
-        )
+        shift = shell * surface[active] * limit
+        after, alive = displaced(swept, centre[active], shift, rounds[active])
+        sizes = np.sqrt(np.einsum("nki,nij,nkj->nk", after, within[active], after))
+        some = (alive & (sizes <= 0.5 * (1.0 + factor[active, None]) * shell)).all(axis=1)
         active = active[some]
         radius[active] = shell
         if not len(active):
             break
     kept = np.flatnonzero(radius > 0.0)
-    size = (widest[kept] / radius[kept])[:, None, None]
-    return Regions(
-        place[owner[kept]], owner[kept], centre[kept, :d], metric[kept] * size**2 / np.outer(limit, limit), kept
-    )
+    radii = radius[kept, None, None]
+    return Regions(place[owner[kept]], owner[kept], centre[kept, :d], within[kept] / radii**2, kept)
 
 
-def _contracting(
-    swept: PointMap,
-    centre: NDArray[np.float64],
-    surface: NDArray[np.float64],
-    metric: NDArray[np.float64],
-    periods: NDArray[np.int64],
-    allowed: NDArray[np.float64],
-) -> NDArray[np.bool_]:
-    """Return which surfaces (n, k, d) around centres (n, d + 2) are mapped inside of themselves by a factor."""
-    n, k, d = surface.shape
-    states = np.repeat(centre[:, None], k, axis=1)
-    states[..., :d] += surface
-    orbits = Orbits.starting(states.reshape(n * k, -1))
-    rounds = np.repeat(periods, k)
-    for q in np.unique(periods):
-        mine = np.flatnonzero(rounds == q)
-        part = orbits[mine]
-        swept.advance(part, int(q))
-        orbits[mine] = part
-    after = difference(orbits.points.reshape(states.shape), centre[:, None], swept.coordinates)[..., :d]
-    squares = np.einsum("nki,nij,nkj->nk", after, metric, after)
-    return np.asarray((squares <= allowed[:, None] ** 2).all(axis=1))
+def monodromy_of(
+    matrices: NDArray[np.float64],
+    period: NDArray[np.int64],
+    rows: NDArray[np.int64],
+    phase: int | NDArray[np.int64] = 0,
+) -> NDArray[np.float64]:
+    """Return the products (m, d, d) around orbits, from a phase on, of rows (m,) of matrices (n, most, d, d)."""
+    rounds, total = period[rows], np.broadcast_to(np.eye(matrices.shape[-1]), matrices[rows, 0].shape)
+    for k in range(matrices.shape[1]):
+        total = np.where((k < rounds)[:, None, None], matrices[rows, (phase + k) % rounds] @ total, total)
+    return total
 
 
 def _metrics(matrices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return metrics (n, d, d) in which matrices contract, and the factors (n,).
-
-    The axes are the eigenvectors; where these are nearly parallel, the sum of the squared lengths under all powers.
-    """
-    values, axes = np.linalg.eig(matrices)
-    modulus = np.abs(values).max(axis=-1)
-    rows = np.linalg.pinv(axes)
-    metric = np.real(rows.conj().transpose(0, 2, 1) @ rows)
-    bad = np.flatnonzero(np.linalg.cond(axes) > _PARALLEL)
-    if len(bad):
-        power = matrices[bad] / (0.5 * (1.0 + modulus[bad]))[:, None, None]
-        total = np.broadcast_to(np.eye(matrices.shape[-1]), power.shape)
-        for _ in range(60):
-            total = total + power.transpose(0, 2, 1) @ total @ power
-            power = power @ power
-        metric[bad] = total
-        modulus[bad] = 0.5 * (1.0 + modulus[bad])
-    metric = 0.5 * (metric + metric.transpose(0, 2, 1))
-    return metric, modulus
-
-
-def _directions(dimension: int) -> NDArray[np.float64]:
-    """Return unit vectors around the sphere."""
-    if dimension == 1:
-        return np.array([[1.0], [-1.0]])
-    if dimension == 2:
-        angles = np.arange(_DIRECTIONS) * (2 * np.pi / _DIRECTIONS)
-        return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    vectors = np.random.default_rng(0).standard_normal((_DIRECTIONS * (dimension - 1) * 2, dimension))
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+    """Return metrics (n, d, d) in which matrices contract, and the factors (n,)."""
+    modulus = np.abs(np.linalg.eigvals(matrices)).max(axis=-1)
+    metrics, good = eigenvector_metrics(matrices)
+    for k in np.flatnonzero(~good):
+        modulus[k] = 0.5 * (1.0 + modulus[k])
+        metrics[k] = summed_metric(matrices[k], modulus[k])
+    return metrics, modulus

@@ -14,14 +14,11 @@ from ..maps.coordinates import difference
 from ..maps.orbit_batch import CHUNK, Status
 from ..maps.point_map import PointMap, follow
 from ..orbits.attractor import Attractor
+from ..orbits.newton import solutions
 from ..orbits.orbit_equations import OrbitProblem, begin_orbit, orbit_problem
 from ..orbits.orbit_kinds import PeriodicOrbit
 from .crossings import Matrices
 
-_ITERATIONS = 8
-_ROUNDING = 1e-13  # residual, scaled, that no step makes smaller
-_CONVERGED = 3e-14  # step, scaled, that changes the derivatives by no more than their own tolerance
-_FLOOR = 1e-7  # steps below this that no longer shrink by half are rounding
 _NEAR = 0.3  # distance of a solution from its guess, scaled, beyond which it is on another branch
 _FORESEEN, _SMALL = 0.2, 1e-3  # part of a move, and scaled distance, by which an orbit may miss its prediction
 _SHORTEST = 2.0**-6  # step, as a fraction of the way to a neighbour
@@ -94,33 +91,24 @@ class _Solved:
 def _solve(problem: OrbitProblem, guesses: NDArray[np.float64], values: NDArray[np.float64]) -> _Solved:
     """Return the orbits near guesses (n, d) at parameters (n, m)."""
     n, d, m = len(guesses), problem.dimension, values.shape[-1]
-    unknowns = np.concatenate([guesses, values], axis=-1) / problem.scale
-    found = _Solved(np.full((n, d), np.nan), np.full((n, d, d), np.nan), np.full((n, d, m), np.nan))
-    active = np.flatnonzero(np.isfinite(unknowns).all(axis=-1))
-    last = np.full(n, np.inf)
     scale, spans = problem.scale[:d], problem.scale[d:]
-    for _ in range(_ITERATIONS):
-        if not len(active):
-            break
-        residual, slopes = problem(unknowns[active])
-        finite = np.isfinite(residual).all(axis=-1) & np.isfinite(slopes).all(axis=(-2, -1))
-        active, residual, slopes = active[finite], residual[finite], slopes[finite]
-        own = slopes[..., :d]
-        regular = np.abs(np.linalg.det(own)) > 1e-14
-        safe = np.where(regular[:, None, None], own, np.eye(d))
-        step = np.linalg.solve(safe, -residual[..., None])[..., 0]
-        length = np.abs(step).max(axis=-1, initial=0.0)
-        # At a crossing through +1 the residual alone tells that the state is known.
-        done = (np.abs(residual) <= _ROUNDING).all(axis=-1)
-        done |= regular & ((length <= _CONVERGED) | ((last[active] <= _FLOOR) & (length >= 0.5 * last[active])))
-        found.states[active[done]] = unknowns[active[done], :d] * scale
-        found.matrices[active[done]] = (own[done] + np.eye(d)) * scale[:, None] / scale
-        drifts = np.linalg.solve(safe[done], -slopes[done][..., d:]) * scale[:, None] / spans
-        found.drifts[active[done]] = np.where(regular[done][:, None, None], drifts, 0.0)
-        last[active] = length
-        unknowns[active[~done & regular], :d] += step[~done & regular]
-        near = np.abs(unknowns[active, :d] - guesses[active] / scale).max(axis=-1) <= _NEAR
-        active = active[~done & regular & near]
+    given = values / spans
+
+    def equations(
+        rows: NDArray[np.int64], states: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        residual, slopes = problem(np.concatenate([states, given[rows]], axis=-1))
+        return residual, slopes[..., :d]
+
+    found = _Solved(np.full((n, d), np.nan), np.full((n, d, d), np.nan), np.full((n, d, m), np.nan))
+    states, _, settled = solutions(equations, guesses / scale, np.ones(d), _NEAR)
+    rows = np.flatnonzero(settled)
+    slopes = problem(np.concatenate([states[rows], given[rows]], axis=-1))[1]
+    own, regular = slopes[..., :d], np.abs(np.linalg.det(slopes[..., :d])) > 1e-14
+    found.states[rows] = states[rows] * scale
+    found.matrices[rows] = (own + np.eye(d)) * scale[:, None] / scale
+    drifts = np.linalg.solve(np.where(regular[:, None, None], own, np.eye(d)), -slopes[..., d:])
+    found.drifts[rows] = np.where(regular[:, None, None], drifts * scale[:, None] / spans, 0.0)
     shorter = _repeat_themselves(problem, found.states, values)
     found.states[shorter] = found.matrices[shorter] = np.nan
     return found

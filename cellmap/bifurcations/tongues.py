@@ -16,16 +16,16 @@ from ..maps.orbit_batch import Orbits
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
 from ..orbits.invariant_circle import bump
-from ..orbits.newton import closed_orbit
+from ..orbits.newton import closed_orbit, newton
 from ..orbits.orbit_kinds import PeriodicOrbit
 from .bifurcation_curve import BifurcationCurve, continue_bifurcation
 from .branch import Bifurcation, Branch
 from .kinds import BifurcationKind
-from .lane_orbits import refined
 from .orbit_continuation import continue_orbit
 
 _PARTS = 64  # values between two others at which rotation numbers are compared
 _ROUNDS = 12
+_REACH = 0.25  # distance in extents of the locked orbit from where orbits end
 _LOCKED = 1e-9  # difference of rotation numbers that counts as none
 _WIDER = 4.0  # part of its width by which a tongue is left on either side when its borders are looked for,
 _FURTHER = 16.0  # and factor by which it is left further where they are not there, as when orbits settle slowly
@@ -156,7 +156,7 @@ def arnold_tongue(
     )
     inside, width = numbers.enclosed(p / q, low, high)
     here = exact.with_params(**{one: inside})
-    orbit = _locked(here, numbers.end(inside), q, one)
+    orbit = _locked(here, numbers.end(inside), q)
     branch, ends = _borders(here, orbit, one, (low, high), _WIDER * width)
 
     def curve(fold: Bifurcation) -> BifurcationCurve:
@@ -261,14 +261,13 @@ class _Numbers:
         )
 
 
-def _locked(here: PointMap, state: NDArray[np.float64], period: int, name: str) -> PeriodicOrbit:
+def _locked(here: PointMap, state: NDArray[np.float64], period: int) -> PeriodicOrbit:
     """Return the periodic orbit beside a state."""
-    swept = swept_map(here, name)
     turn = turns_of(here.coordinates)[1]
     extent = np.where(turn > 0.0, turn, np.maximum(np.abs(state), 1e-9))
-    found, good = refined(swept, np.append(state, here.params[name])[None], np.array([period]), extent)
+    found, good = newton(here, state[None], np.array([period]), extent, _REACH)
     if not good[0]:
         raise ValueError(
             f"period={period!r}: the locked orbit is not found by Newton's method: take a longer transient"
         )
-    return closed_orbit(here, found[0, :-1], period, extent)
+    return closed_orbit(here, found[0], period, extent)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -50,27 +51,39 @@ def tangent_by_lanes(
 
 
 def tangent(
-    point_map: PointMap, points: NDArray[np.float64], periods: int | NDArray[np.int64] = 1
+    point_map: PointMap,
+    points: NDArray[np.float64],
+    periods: int | NDArray[np.int64] = 1,
+    states: int | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return unwrapped images (..., d) after some periods and their derivatives (..., d, d) by the points.
+    """Return unwrapped images (..., d) after some periods and their derivatives (..., k, k) by the points.
 
-    ``periods`` is one number for all points or one for each.  Images come from the same integration as the
-    derivatives, whose tolerance is 1e-12 or better.
+    ``periods`` is one number for all points or one for each.  Derivatives are by all coordinates, or by the first k
+    that are ``states``, where the others are parameters.  Images come from the same integration as the derivatives,
+    whose tolerance is 1e-12 or better.
     """
     exact = point_map.without_table
     d = exact.dimension
+    k = d if states is None else states
+    step = None if k == d else _tangent_step(exact)
     place = np.array(points, dtype=float).reshape(-1, d)
-    total = np.broadcast_to(np.eye(d), (len(place), d, d)).copy()
+    total = np.broadcast_to(np.eye(k), (len(place), k, k)).copy()
     rounds = np.broadcast_to(periods, points.shape[:-1]).ravel()
     alike = np.ndim(periods) == 0
-    for k in range(int(rounds.max(initial=0))):
+    for q in range(int(rounds.max(initial=0))):
         check_stop()
-        rows = slice(None) if alike else np.flatnonzero(rounds > k)
+        rows = slice(None) if alike else np.flatnonzero(rounds > q)
         wrapped = wrap(place[rows], exact.coordinates)
-        images, matrices = _one_step(exact, wrapped)
+        images, matrices = _one_step(exact, wrapped) if step is None else tangent_by_lanes(step, wrapped, d, k)
         place[rows] += images - wrapped
-        total[rows] = matrices @ total[rows]
-    return place.reshape(points.shape), total.reshape(*points.shape, d)
+        total[rows] = matrices[..., :k, :k] @ total[rows]
+    return place.reshape(points.shape), total.reshape(*points.shape[:-1], k, k)
+
+
+@functools.lru_cache(maxsize=8)
+def _tangent_step(exact: PointMap) -> Callable[[Orbits], None] | None:
+    """Return a step of states with one tangent vector each; None where the formulas are unknown."""
+    return None if exact.spec is None else exact.spec.curve_step(1)
 
 
 @checked

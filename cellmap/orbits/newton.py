@@ -1,32 +1,123 @@
-"""Newton's method for periodic points of the exact map."""
+"""Newton's method for periodic points of the exact map, and the orbits through them."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..maps.coordinates import difference, wrap
+from .._lib.stopping import check_stop
+from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.grazing import grazing_distance
+from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
+from ..maps.side_by_side import advance_on_threads
 from ..maps.tangent import tangent
 from .attractor import Attractor, Kind
 from .multipliers import multipliers_of
 from .orbit_kinds import PeriodicOrbit
 
-_ITERATIONS = 25
+_ITERATIONS = 60
 _FREE_ITERATIONS = 4  # steps in which the residual may rise
-_DAMPED_ITERATIONS = 60
 _SMALLEST_FRACTION = 1e-3  # of a step, below which there is no hope
+_LONGEST = 0.25  # damped step, in extents
 _SMALL = 1e-8  # step that may be the last one, if the next would be rounding;
-_STALLED = 1e-7  # steps below this that do not get shorter are what the errors of images leave,
-_PATIENCE = 4  # if so many of them follow one another
+_STALLED = 1e-7  # a step below this and one after it that is hardly shorter are what the errors of images leave;
+_SHRINKING = 0.75  # steps to a double solution become shorter by half, and to a triple one by a third
 _ROUNDING = 1e-15
+_CLOSED = 4e-15  # residual that is rounding
+_SINGULAR = 1e-14  # determinant
 _STABLE = 1.0 - 1e-8
 _UNSTABLE = 1.0 + 1e-3  # largest multiplier from which the derivative of Newton's last step proves a point unstable
 _HOPELESS = 1e6  # and from which a guess is in the midst of chaos, and no attracting point is close
+
+Equations = Callable[[NDArray[np.int64], NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+"""Returns the residuals (m, d) of some rows (m,) at points (m, d), and their derivatives (m, d, d)."""
+
+
+class Solutions(NamedTuple):
+    """Points (n, d), the derivatives (n, d, d) at the last point before each, and which of them are solutions (n,)."""
+
+    points: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    settled: NDArray[np.bool_]
+
+
+def solutions(
+    equations: Equations,
+    guesses: NDArray[np.float64],
+    extent: NDArray[np.float64],
+    reach: float | NDArray[np.float64] = np.inf,
+    damped: bool = False,
+) -> Solutions:
+    """Solve d equations in d unknowns from guesses (n, d) by Newton's method, each until its steps stop falling.
+
+    A solution farther than `reach` from its guess does not count.  A guess from which the residual does not keep
+    falling after the first steps is given up.  Where guesses may be far away, steps are `damped`: halved until the next
+    one, foreseen with the old derivative, is shorter, so that saddles are found from as far as other orbits (the
+    natural monotonicity test of Deuflhard, *Newton Methods for Nonlinear Problems* (2004), 3.3), and never longer than
+    a quarter of the extent.
+    """
+    base, points = np.array(guesses, dtype=float), np.array(guesses, dtype=float)
+    n, d = base.shape
+    steps, slopes, fraction = np.full((n, d), np.inf), np.tile(np.eye(d), (n, 1, 1)), np.ones(n)
+    sizes, lengths, settled = np.full(n, np.inf), np.full(n, np.inf), np.zeros(n, bool)
+    active = np.flatnonzero(np.isfinite(base).all(axis=-1))
+    for iteration in range(_ITERATIONS):
+        if not len(active):
+            break
+        residual, there = equations(active, points[active])
+        scale = resolution(points[active], extent)
+        size = np.abs(residual / scale).max(axis=-1, initial=0.0)
+        finite = np.isfinite(size) & np.isfinite(there).all(axis=(-2, -1))
+        # A solution at which another one is born has no next step, and needs none.
+        closed = finite & (size <= _CLOSED)
+        with np.errstate(all="ignore"):
+            if damped:
+                foreseen = np.linalg.solve(slopes[active], residual[..., None])[..., 0]
+                before = np.linalg.norm(steps[active] / extent, axis=-1)
+                falls = np.linalg.norm(foreseen / extent, axis=-1) <= (1.0 - 0.25 * fraction[active]) * before
+                falls |= lengths[active] <= _STALLED
+            else:
+                falls = (iteration < _FREE_ITERATIONS) | (size < 0.5 * sizes[active]) | (size < 1e-9)
+        taken = finite & falls & ~closed
+        regular = taken.copy()
+        regular[taken] = np.abs(np.linalg.det(there[taken])) > _SINGULAR
+        settled[active[closed]] = True
+        slopes[active[closed | regular]] = there[closed | regular]
+        again = active[~taken & ~closed] if damped else active[:0]
+        fraction[again] *= 0.5
+        points[again] = base[again] + fraction[again, None] * np.where(np.isfinite(steps[again]), steps[again], np.nan)
+        again = again[(fraction[again] > _SMALLEST_FRACTION) & np.isfinite(points[again]).all(axis=-1)]
+        rows = active[regular]
+        step = np.linalg.solve(there[regular], -residual[regular][..., None])[..., 0]
+        length, last = np.abs(step / scale[regular]).max(axis=-1, initial=0.0), lengths[rows]
+        stalled = (last <= _STALLED) & (length > _SHRINKING * last)
+        done = stalled | _is_last(length, last)
+        if damped:
+            longest = np.abs(step / extent).max(axis=-1, initial=0.0)
+            longest = np.minimum(np.minimum(1.0, 2.0 * fraction[rows]), _LONGEST / np.maximum(longest, 1e-300))
+            fraction[rows] = np.where(done, 1.0, longest)
+        base[rows], steps[rows], lengths[rows], sizes[rows] = points[rows], step, length, size[regular]
+        points[rows] += np.where(stalled, 0.0, fraction[rows])[:, None] * step
+        near = (np.abs(points[rows] - guesses[rows]) <= reach).all(axis=-1)
+        settled[rows[done]] = near[done]
+        active = np.sort(np.concatenate([again, rows[near & ~done]]))
+    return Solutions(points, slopes, settled)
+
+
+def _is_last(lengths: NDArray[np.float64], before: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return where a step is rounding, or the next would be, by quadratic convergence, from the lengths of both.
+
+    Close to a fold, or to a critical point of the map, convergence is quadratic only at the very end.
+    """
+    with np.errstate(invalid="ignore"):
+        ratio = np.where(np.isfinite(before), lengths / np.maximum(before, 1e-300), 1.0)
+    foreseen = (lengths <= _SMALL) & (lengths * ratio**2 <= _ROUNDING)
+    return np.asarray(foreseen | (lengths <= _ROUNDING))
 
 
 def newton(
@@ -36,63 +127,46 @@ def newton(
     extent: NDArray[np.float64],
     reach: float = 0.5,
     attracting: bool = False,
+    damped: bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Solve P^period(x) = x, up to full rotations of angles, from guesses (n, d), each for its period.
 
-    A guess from which the residual does not keep falling after the first steps is given up.  A solution farther than
+    Coordinates (n, d + m) beyond those that have an extent (d,) are parameters, and held.  A solution farther than
     `reach` from its guess, in units of the extent of the region, does not count; if `attracting`, nor does one that is
-    unstable beyond doubt, and guesses that are too unstable to be close to others are left out.
+    unstable beyond doubt, and guesses that are too unstable to be close to others are left out.  Unless steps are
+    `damped`, see :func:`solutions`, nor does one that is not isolated.
 
-    Returns solutions (n, d) of the exact map, wrapped, and which of them converged.
+    Returns solutions (n, d + m) of the exact map, wrapped, and which of them converged.
     """
-    exact = point_map.without_table
-    points = np.array(guesses, dtype=float)
-    settled = np.zeros(len(points), bool)
-    active = np.arange(len(points))
-    last, before, stalled = np.full(len(points), np.inf), np.full(len(points), np.inf), np.zeros(len(points), np.int64)
-    identity = np.eye(exact.dimension)
-    for iteration in range(_ITERATIONS):
-        if not len(active):
-            break
-        images, matrices = tangent(exact, points[active], periods[active])
-        residual = difference(images, points[active], exact.coordinates)
-        scale = resolution(points[active], extent)
-        size = np.abs(residual / scale).max(axis=-1)
-        with np.errstate(invalid="ignore"):
-            usable = np.isfinite(size) & np.isfinite(matrices).all(axis=(-2, -1))
-            usable &= (iteration < _FREE_ITERATIONS) | (size < 0.5 * last[active]) | (size < 1e-9)
-            if attracting and iteration == 0:
-                usable &= ~(_largest_multiplier(np.where(usable[:, None, None], matrices, 0.0)) > _HOPELESS)
-            usable &= np.abs(np.linalg.det(np.where(usable[:, None, None], matrices, 0.0) - identity)) > 1e-14
-        last[active] = size
-        active, residual, matrices, scale = active[usable], residual[usable], matrices[usable], scale[usable]
-        step = np.linalg.solve(matrices - identity, -residual[..., None])[..., 0]
-        points[active] += step
-        near = (np.abs(difference(points[active], guesses[active], exact.coordinates)) <= reach * extent).all(axis=-1)
-        length = np.abs(step / scale).max(axis=-1, initial=0.0)
-        stalls = (before[active] <= _STALLED) & (length > 0.5 * before[active])
-        stalled[active] = np.where(stalls, stalled[active] + 1, 0)
-        done = near & (have_settled(length, before[active]) | (stalled[active] >= _PATIENCE))
-        before[active] = length
-        settled[active[done]] = ~(attracting & (_largest_multiplier(matrices[done]) > _UNSTABLE))
-        active = active[near & ~done]
-    return wrap(points, exact.coordinates), settled
+    exact, d = point_map.without_table, len(extent)
+    held, identity, first = guesses[:, d:], np.eye(d), attracting
 
+    def equations(
+        rows: NDArray[np.int64], points: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        nonlocal first
+        places = np.concatenate([points, held[rows]], axis=-1)
+        images, matrices = tangent(exact, places, periods[rows], d)
+        residual = difference(images, places, exact.coordinates)[:, :d]
+        if first:
+            finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
+            residual[_largest_multiplier(np.where(finite[:, None, None], matrices, 0.0)) > _HOPELESS] = np.nan
+            first = False
+        return residual, matrices - identity
 
-def have_settled(lengths: NDArray[np.float64], before: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return where Newton's method has come to its end, from the lengths (n,) of its last steps and of those before.
-
-    The last step is rounding, or the next would be, by quadratic convergence.  Close to a fold, or to a critical point
-    of the map, convergence is quadratic only at the very end.
-    """
-    with np.errstate(invalid="ignore"):
-        ratio = np.where(np.isfinite(before), lengths / np.maximum(before, 1e-300), 1.0)
-    foreseen = (lengths <= _SMALL) & (lengths * ratio**2 <= _ROUNDING)
-    return np.asarray(foreseen | (lengths <= _ROUNDING))
+    turn = turns_of(exact.coordinates)[1][:d]
+    # Nothing is farther away along an angle than half of its period.
+    away = np.where((turn > 0.0) & (reach * extent >= 0.5 * turn), np.inf, reach * extent)
+    points, slopes, settled = solutions(equations, guesses[:, :d], extent, away, damped)
+    if not damped:
+        settled &= np.abs(np.linalg.det(slopes)) > _SINGULAR
+    if attracting:
+        settled[settled] = ~(_largest_multiplier(slopes[settled] + identity) > _UNSTABLE)
+    return wrap(np.concatenate([points, held], axis=-1), exact.coordinates), settled
 
 
 def _largest_multiplier(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(np.abs(np.linalg.eigvals(matrices)).max(axis=-1))
+    return np.asarray(np.abs(np.linalg.eigvals(matrices)).max(axis=-1, initial=0.0))
 
 
 def resolution(points: NDArray[np.float64], extent: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -100,95 +174,70 @@ def resolution(points: NDArray[np.float64], extent: NDArray[np.float64]) -> NDAr
     return np.asarray(np.abs(points) + np.minimum(extent, 1.0))
 
 
-def damped_newton(
-    point_map: PointMap,
-    guesses: NDArray[np.float64],
-    periods: NDArray[np.int64],
-    extent: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Solve P^period(x) = x, up to full rotations of angles, from guesses (n, d) that may be far away.
+def return_distances(
+    point_map: PointMap, states: NDArray[np.float64], most: int, extent: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the distance of states (n, d + m) from their images after 1, ..., `most` periods, shape (most, n).
 
-    No step is longer than a quarter of the extent of the region.  Returns what :func:`newton` returns.
+    Coordinates beyond those that have an extent (d,) are not looked at; orbits that end are infinitely far away.
     """
-    exact = point_map.without_table
-    identity = np.eye(exact.dimension)
-
-    def system(rows: NDArray[np.int64], points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        images, matrices = tangent(exact, points, periods[rows])
-        return difference(images, points, exact.coordinates), matrices - identity
-
-    points, settled = damped_solutions(system, guesses, extent)
-    return wrap(points, exact.coordinates), settled
+    orbits, distance = Orbits.starting(states.copy()), np.full((most, len(states)), np.inf)
+    for q in range(most):
+        check_stop()
+        advance_on_threads(point_map.advance, orbits, 1)
+        shift = difference(orbits.points, states, point_map.coordinates)[:, : len(extent)] / extent
+        distance[q] = np.where(orbits.alive, np.abs(shift).max(axis=-1), np.inf)
+    return distance
 
 
-def damped_solutions(
-    system: Callable[[NDArray[np.int64], NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]],
-    guesses: NDArray[np.float64],
-    extent: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Solve d equations in d unknowns from guesses (n, d) that may be far away, by a damped Newton method.
+def followed(
+    exact: PointMap, points: NDArray[np.float64], periods: NDArray[np.int64], d: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Return orbits (n, most, d + m), derivatives (n, most, d, d) of each step, and full rotations up to each.
 
-    `system` returns the residuals (m, d) of some rows at points (m, d), and their derivatives (m, d, d).  A step is
-    halved until the next one, foreseen with the old derivative, is shorter, so that saddles are found from as far as
-    other orbits: the natural monotonicity test of Deuflhard, *Newton Methods for Nonlinear Problems* (2004), 3.3.  No
-    step is longer than a quarter of the extent.  Returns solutions (n, d) and which of them converged.
+    ``points`` (n, d + m) are their first points, which move by the periods; m parameters are held.
     """
-    base, points = np.array(guesses, dtype=float), np.array(guesses, dtype=float)
-    d = base.shape[-1]
-    steps, inverses = np.full(base.shape, np.inf), np.zeros((len(base), d, d))
-    fraction = np.ones(len(base))
-    settled = np.zeros(len(base), bool)
-    active = np.arange(len(base))
-    for _ in range(_DAMPED_ITERATIONS):
-        if not len(active):
-            break
-        residual, slopes = system(active, points[active])
-        finite = np.isfinite(residual).all(axis=-1) & np.isfinite(slopes).all(axis=(-2, -1))
-        with np.errstate(all="ignore"):
-            foreseen = np.einsum("nij,nj->ni", inverses[active], residual) / extent
-            length = np.linalg.norm(steps[active] / extent, axis=-1)
-            shorter = np.linalg.norm(foreseen, axis=-1) <= (1.0 - 0.25 * fraction[active]) * length
-        # A solution at which another one is born has no next step, and needs none.
-        closed = finite & (np.abs(residual) <= 4e-15 * resolution(points[active], extent)).all(axis=-1)
-        settled[active[closed]] = True
-        taken = finite & shorter & ~closed
-        again = active[~taken & ~closed]
-        fraction[again] *= 0.5
-        points[again] = base[again] + fraction[again, None] * np.where(np.isfinite(steps[again]), steps[again], np.nan)
-        accepted, slopes = active[taken], -slopes[taken]
-        solvable = np.abs(np.linalg.det(slopes)) > 1e-14
-        accepted, slopes, residual = accepted[solvable], slopes[solvable], residual[taken][solvable]
-        inverses[accepted] = np.linalg.inv(slopes)
-        step = np.einsum("nij,nj->ni", inverses[accepted], residual)
-        scale = resolution(points[accepted], extent)
-        lengths, before = (np.abs(v / scale).max(axis=-1, initial=0.0) for v in (step, steps[accepted]))
-        longest = np.abs(step / extent).max(axis=-1, initial=0.0)
-        base[accepted], steps[accepted] = points[accepted], step
-        fraction[accepted] = np.minimum(np.minimum(1.0, 2.0 * fraction[accepted]), 0.25 / np.maximum(longest, 1e-300))
-        done = have_settled(lengths, before)
-        fraction[accepted[done]] = 1.0
-        points[accepted] = base[accepted] + fraction[accepted, None] * step
-        settled[accepted[done]] = True
-        hopeful = (fraction[again] > _SMALLEST_FRACTION) & np.isfinite(points[again]).all(axis=-1)
-        trying, ended = again[hopeful], again[~hopeful]
-        points[ended] = base[ended]
-        settled[ended] = (np.abs(steps[ended]) <= _STALLED * resolution(base[ended], extent)).all(axis=-1)
-        active = np.sort(np.concatenate([trying, accepted[~done]]))
-    return points, settled
+    n, width = points.shape
+    most = int(periods.max(initial=1))
+    turn = turns_of(exact.coordinates)[1][:d]
+    orbit, matrices = np.empty((n, most, width)), np.empty((n, most, d, d))
+    moved, rotations = np.zeros((n, d)), np.empty((n, most, d), np.int64)
+    here = points
+    for k in range(most):
+        orbit[:, k] = here
+        images, matrices[:, k] = tangent(exact, here, 1, d)
+        moved += (images - here)[:, :d]
+        rounds = np.where(turn > 0.0, moved / np.where(turn > 0.0, turn, 1.0), 0.0)
+        rotations[:, k] = np.round(np.where(np.isfinite(rounds), rounds, 0.0))
+        here = wrap(images, exact.coordinates)
+    return orbit, matrices, rotations
+
+
+def least_periods(
+    exact: PointMap, orbit: NDArray[np.float64], periods: NDArray[np.int64], same: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """Return the least periods (n,) of closed orbits (n, most, d + m), whose points are one within lengths (..., d)."""
+    least = periods.copy()
+    for q in range(orbit.shape[1] - 1, 0, -1):
+        whole = (periods % q == 0) & (q < periods)
+        if whole.any():
+            apart = np.abs(difference(orbit[:, q], orbit[:, 0], exact.coordinates)[:, : same.shape[-1]])
+            least[whole & (apart <= same).all(axis=-1)] = q
+    return least
 
 
 def closed_orbit(
     point_map: PointMap, point: NDArray[np.float64], period: int, extent: NDArray[np.float64]
 ) -> PeriodicOrbit:
     """Return the orbit through a periodic point, with its least period, begun at its point nearest the origin."""
-    exact = point_map.without_table
-    points, rotations, matrices = _follow(exact, point, period)
-    same = 1e-8 * resolution(points[0], extent)
-    for q in range(1, period):
-        if period % q == 0 and (np.abs(difference(points[q], points[0], exact.coordinates)) <= same).all():
-            points, rotations, matrices = _follow(exact, point, q)
-            period = q
-            break
+    exact, rounds = point_map.without_table, np.array([period])
+    orbit, steps, turned = followed(exact, np.array(point[None], dtype=float), rounds, exact.dimension)
+    period = int(least_periods(exact, orbit, rounds, 1e-8 * resolution(orbit[:, 0], extent))[0])
+    points, matrices, rotations = orbit[0, :period], steps[0, :period], tuple(turned[0, period - 1].tolist())
+    # Rounding must not decide on which side of its cut an angle lies.
+    for j, c in enumerate(exact.coordinates):
+        if c.period is not None and c.lower is not None:
+            points[points[:, j] > c.lower + c.period * (1.0 - 1e-12), j] = c.lower
     # Mirror images are equally far away; the largest coordinates decide between them.
     size = np.abs(points).max(axis=0)
     scale = np.where(size > 0, size, 1.0)
@@ -214,23 +263,3 @@ def stable_orbit(
         kind, orbit.period, orbit.points, orbit.rotations, orbit.multipliers, exponents, orbit.coordinates,
         grazing_distance=orbit.grazing_distance,
     )  # fmt: skip
-
-
-def _follow(
-    exact: PointMap, point: NDArray[np.float64], period: int
-) -> tuple[NDArray[np.float64], tuple[int, ...], NDArray[np.float64]]:
-    """Return the wrapped points of a closed orbit, its full rotations, and the derivative of each step."""
-    points = np.empty((period, exact.dimension))
-    matrices = np.empty((period, exact.dimension, exact.dimension))
-    place, total = np.array(point, dtype=float), np.zeros(exact.dimension)
-    for k in range(period):
-        points[k] = place
-        image, matrices[k] = tangent(exact, place)
-        total += image - place
-        place = wrap(image, exact.coordinates)
-    # Rounding must not decide on which side of its cut an angle lies.
-    for j, c in enumerate(exact.coordinates):
-        if c.period is not None and c.lower is not None:
-            points[points[:, j] > c.lower + c.period * (1.0 - 1e-12), j] = c.lower
-    rotations = tuple(round(t / c.period) if c.period else 0 for t, c in zip(total, exact.coordinates, strict=True))
-    return points, rotations, matrices

@@ -15,7 +15,7 @@ from ..maps.grid import CellGrid, check_volume, grid_points
 from ..maps.orbit_batch import CHUNK, Orbits
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
-from .newton import closed_orbit, damped_newton, damped_solutions, resolution
+from .newton import closed_orbit, newton, resolution, solutions
 from .orbit_equations import OrbitProblem
 from .orbit_kinds import PeriodicOrbit
 from .shooting import ShootingProblem
@@ -65,21 +65,21 @@ def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> Pe
         raise ValueError(f"guess has shape {state.shape}: give one state")
     rounds = whole_number("period", period, at_least=1)
     extent = _extent(point_map, np.ones(point_map.dimension) + np.abs(state))
-    solutions = _from_guess(point_map.without_table, state, rounds, extent)
-    if not len(solutions):
+    found = _from_guess(point_map.without_table, state, rounds, extent)
+    if not len(found):
         raise ValueError(
             f"guess={state.tolist()}: no orbit of period {rounds} is found from there; give a guess nearer to one, or "
             "search a window with find_periodic_orbits"
         )
-    away = np.abs(difference(solutions, state, point_map.coordinates) / extent).max(axis=-1)
-    return closed_orbit(point_map, solutions[np.argmin(away)], rounds, extent)
+    away = np.abs(difference(found, state, point_map.coordinates) / extent).max(axis=-1)
+    return closed_orbit(point_map, found[np.argmin(away)], rounds, extent)
 
 
 def _from_guess(
     exact: PointMap, state: NDArray[np.float64], rounds: int, extent: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the points (n, d) of orbits that Newton's method finds from a guess, in one segment and in several."""
-    points, settled = damped_newton(exact, state[None], np.array([rounds]), extent)
+    points, settled = newton(exact, state[None], np.array([rounds]), extent, np.inf, damped=True)
     growth = float(np.linalg.norm(tangent(exact, state, rounds)[1]))
     single = OrbitProblem(exact, exact, rounds, extent)
     count = next((n for n in (_SEGMENTS, 1) if ShootingProblem.can_divide(single, n)), None)
@@ -89,7 +89,7 @@ def _from_guess(
     # From the nodes of the orbit through the guess, and from nodes that stay there.
     guesses = np.stack([problem.through(state), np.tile(state, problem.nodes) / problem.scale])
     guesses = guesses[np.isfinite(guesses).all(axis=-1)]
-    others, found = damped_solutions(lambda _, unknowns: problem(unknowns), guesses, np.ones(problem.states))
+    others, _, found = solutions(lambda _, unknowns: problem(unknowns), guesses, np.ones(problem.states), damped=True)
     firsts = wrap((others * problem.scale)[:, : exact.dimension], exact.coordinates)
     return np.concatenate([points[settled], firsts[found]])
 
@@ -153,8 +153,8 @@ def find_periodic_orbits(
         guesses = _guesses(point_map, grid, centres, orbits.points)
         rounds = np.full(len(guesses), n)
         for part in slices(len(guesses), CHUNK):
-            solutions, settled = damped_newton(point_map, guesses[part], rounds[part], extent)
-            for solution in solutions[settled]:
+            points, settled = newton(point_map, guesses[part], rounds[part], extent, np.inf, damped=True)
+            for solution in points[settled]:
                 if solution not in known and _is_inside(grid, solution):
                     known.add(closed_orbit(point_map, solution, n, extent))
     order = sorted(known.orbits, key=lambda o: (o.period, -o.unstable, *np.round(o.points[0], 6)))

@@ -8,9 +8,9 @@ import numpy as np
 
 import systems
 from cellmap import discrete_map, find_basins, stroboscopic_map
-from cellmap.attractors.examined import Examined, _return_distances
+from cellmap.attractors.examined import Examined
 from cellmap.attractors.labels import Label
-from cellmap.orbits.newton import newton
+from cellmap.orbits.newton import newton, return_distances
 
 
 def test_no_guess_is_refined_twice(monkeypatch):
@@ -40,9 +40,9 @@ def test_ends_of_the_last_look_are_not_followed_again(monkeypatch):
 
     def counted(point_map, points, *arguments):
         followed.append(len(points))
-        return _return_distances(point_map, points, *arguments)
+        return return_distances(point_map, points, *arguments)
 
-    monkeypatch.setattr("cellmap.attractors.examined._return_distances", counted)
+    monkeypatch.setattr("cellmap.attractors.examined.return_distances", counted)
     for part in (slice(0, 5), slice(2, 9), slice(2, 9)):
         assert np.array_equal(examined.return_distances(henon, ends[part], 8), whole[:, part])
     assert followed == [5, 4]

@@ -12,7 +12,6 @@ import pytest
 from cellmap import PointMap, discrete_map, find_basins, set_threads, stroboscopic_map
 from cellmap.bifurcations import AtlasKind, AttractorAtlas, BifurcationKind, attractor_atlas
 from cellmap.bifurcations.coexistence import Explorer
-from cellmap.bifurcations.lane_orbits import state_tangent
 from cellmap.maps import swept_map
 from cellmap.maps.tangent import tangent
 from systems import driven_pendulum, henon_map
@@ -74,7 +73,7 @@ def test_derivatives_by_states_alone() -> None:
     swept = swept_map(stroboscopic_map(driven_pendulum(), rtol=1e-6, atol=1e-6), "frequency", "amplitude")
     points = np.array([[1.0, 40.0, 50.0, 2e-3], [3.0, 5.0, 40.0, 5e-3], [-2.0, -300.0, 50.0, 3e-3]])
     periods = np.array([1, 2, 3])
-    images, slopes = state_tangent(swept, points, 2, periods)
+    images, slopes = tangent(swept, points, periods, 2)
     expected, whole = tangent(swept, points, periods)
     np.testing.assert_array_equal(images, expected)
     np.testing.assert_allclose(slopes, whole[:, :2, :2], rtol=1e-14)

@@ -17,8 +17,9 @@ from cellmap.bifurcations.atlas_record import AttractorAtlas, AttractorFamily
 from cellmap.bifurcations.circle_branches import _locked_rotation
 from cellmap.bifurcations.coexistence import AtlasKind, Attractors
 from cellmap.bifurcations.crossings import Crossing, CrossingFunctions, Matrices
-from cellmap.bifurcations.lane_regions import _directions, _metrics
+from cellmap.bifurcations.lane_regions import _metrics
 from cellmap.bifurcations.orbit_grid import _links
+from cellmap.orbits.ellipsoids import directions
 
 LOGISTIC = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 2.0}, ("x",))
 
@@ -118,7 +119,7 @@ def test_matrices_contract_in_their_metrics(matrix):
 @pytest.mark.parametrize("d", [1, 2, 3, 4])
 def test_directions_are_spread_over_the_sphere(d):
     """Unit vectors on all sides: their mean vanishes, and any other direction is near one of them."""
-    vectors = _directions(d)
+    vectors = directions(d, 16, 32 * (d - 1))
     assert np.allclose(np.linalg.norm(vectors, axis=1), 1.0)
     assert np.linalg.norm(vectors.mean(axis=0)) < (1e-12 if d < 3 else 0.4)
     others = np.random.default_rng(0).normal(size=(200, d))

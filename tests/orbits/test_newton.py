@@ -1,0 +1,50 @@
+"""One Newton method: solutions of any multiplicity, errors of images, parameters that are held."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cellmap import discrete_map
+from cellmap.maps import swept_map
+from cellmap.orbits.newton import newton, solutions
+
+
+@pytest.mark.parametrize("damped", [False, True])
+@pytest.mark.parametrize("multiplicity", [1, 2, 3])
+def test_steps_go_on_until_they_stop_falling(multiplicity, damped):
+    """(x - 2)^m: a residual of rounding, 1e-16, belongs to a distance of 1e-16^(1/m)."""
+
+    def power(rows, points):
+        apart = points - 2.0
+        return apart**multiplicity, (multiplicity * apart ** (multiplicity - 1))[..., None]
+
+    points, _, settled = solutions(power, np.array([[2.1], [1.7]]), np.ones(1), damped=damped)
+    assert settled.all()
+    assert np.abs(points - 2.0).max() < 4.0 * 1e-14 ** (1.0 / multiplicity)
+
+
+@pytest.mark.parametrize("damped", [False, True])
+@pytest.mark.parametrize("noise", [1e-14, 1e-12, 1e-9])
+def test_errors_of_images_end_it_where_they_leave_the_solution(noise, damped):
+    """The cosine of x is x at 0.7390851332151607 (Bertrand 1865)."""
+
+    def disturbed(rows, points):
+        error = noise * np.sin(1e15 * points)
+        return np.cos(points) - points + error, (-np.sin(points) - 1.0)[..., None]
+
+    points, _, settled = solutions(disturbed, np.linspace(0.5, 1.0, 40)[:, None], np.ones(1), damped=damped)
+    assert settled.all()
+    assert np.abs(points - 0.7390851332151607).max() <= noise
+
+
+def test_parameters_that_differ_from_guess_to_guess_are_held():
+    """Fixed points of the Henon map at 50 pairs of parameters at once, from the quadratic equation."""
+    henon = discrete_map(lambda x, p: (1 - p.a * x[0] ** 2 + x[1], p.b * x[0]), {"a": 1.4, "b": 0.3}, ("x", "y"))
+    a, b = np.random.default_rng(0).uniform((0.1, -0.5), (1.4, 0.5), (50, 2)).T
+    x = (b - 1 + np.sqrt((1 - b) ** 2 + 4 * a)) / (2 * a)
+    guesses = np.stack([x + 0.05, b * x - 0.02, a, b], axis=-1)
+    points, settled = newton(swept_map(henon, "a", "b"), guesses, np.ones(50, np.int64), np.ones(2))
+    assert settled.all()
+    assert np.array_equal(points[:, 2:], guesses[:, 2:])
+    np.testing.assert_allclose(points[:, :2], np.stack([x, b * x], axis=-1), rtol=1e-13)
