@@ -13,7 +13,7 @@ from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, wrap
 from ..maps.point_map import PointMap
 from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
-from ..orbits.orbit_equations import orbit_problem
+from ..orbits.orbit_equations import OrbitProblem, orbit_problem
 from ..orbits.shooting import ShootingProblem
 from .branch import Bifurcation, Branch
 from .codimension_two import CodimensionTwo, cosine_of_pair, points_on
@@ -22,7 +22,6 @@ from .orbit_births import OrbitBirth
 from .parameter_spans import spans
 from .period_measures import Quantity, measured
 from .singular_orbits import SingularOrbits
-from .singular_segments import SingularSegments
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +50,7 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
     points: NDArray[np.float64]
     multipliers: NDArray[np.complex128]
     ends: tuple[str, str]
-    _problem: SingularOrbits | SingularSegments = field(repr=False)
+    _problem: SingularOrbits = field(repr=False)
     _places: tuple[SolutionPoint, ...] = field(repr=False)
 
     @property
@@ -102,7 +101,7 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
     def _located(self, progress: bool) -> tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]:
         kept, problem = self.__dict__, self._problem
         if "_kept" not in kept:
-            if isinstance(problem, SingularSegments):
+            if isinstance(problem.orbits, ShootingProblem):
                 return (), frozenset()
             kept.setdefault("_kept", points_on(problem, self.parameters, self._places, progress))
         found: tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]] = kept["_kept"]
@@ -186,13 +185,15 @@ def continue_bifurcation(
         raise ValueError(f"parameter={shown(parameter)}: give another parameter of this map, one of {others}")
     box = (interval_of("first", first, bifurcation.value), interval_of("second", second, exact.params[parameter]))
     spans = (box[0][1] - box[0][0], box[1][1] - box[1][0])
-    problem: SingularOrbits | SingularSegments
-    if isinstance(bifurcation._problem, ShootingProblem):
-        problem, unknowns = SingularSegments.at(exact, names, spans, bifurcation)
+    old = bifurcation._problem
+    values = [bifurcation.value, exact.params[parameter]]
+    if isinstance(old, ShootingProblem):
+        orbits: OrbitProblem = old.with_parameters(exact, names, spans)
+        unknowns = np.append((bifurcation._unknowns * old.scale)[:-1], values) / orbits.scale
     else:
         orbits = orbit_problem(exact, bifurcation.point, branch.period, names, spans)
-        unknowns = np.concatenate([bifurcation.point, [bifurcation.value, exact.params[parameter]]]) / orbits.scale
-        problem = SingularOrbits.at(orbits, bifurcation.kind, unknowns)
+        unknowns = np.append(bifurcation.point, values) / orbits.scale
+    problem = SingularOrbits(orbits, bifurcation.kind, unknowns)
     start = corrected(problem, unknowns, np.linalg.svd(problem(unknowns)[1])[2][-1])
     if start is None:
         raise ValueError(f"bifurcation={bifurcation!r}: it is not found again with both parameters free")
@@ -217,7 +218,7 @@ def interval_of(label: str, given: tuple[float, float], value: float) -> tuple[f
 class CurveTracer:
     """Tracer of a curve of bifurcations in a rectangle of two parameters."""
 
-    problem: SingularOrbits | SingularSegments
+    problem: SingularOrbits
     names: tuple[str, str]
     box: tuple[tuple[float, float], tuple[float, float]]
     longest: float
@@ -242,8 +243,6 @@ class CurveTracer:
         problem = self.problem
         if self.birth and (why := self.birth.end(step.begin, step.end)):
             return End(why)
-        if isinstance(problem, SingularSegments):
-            return None
         if problem.has_met(step.end):
             # The last point is that at which the multipliers meet.
             real = np.sign(cosine_of_pair(problem.matrix(step.end)))

@@ -90,10 +90,10 @@ def switch_curve(
     spans = [high - low for low, high in box]
     orbits = replace(old, scale=np.append(old.scale[:-2], spans))
     origin = point._unknowns * old.scale / orbits.scale
-    problem = SingularOrbits.at(replace(orbits, period=chosen.times * old.period), chosen.kind, origin)
+    problem = SingularOrbits(replace(orbits, period=chosen.times * old.period), chosen.kind, origin)
     tracer = CurveTracer(problem, names, box, *limits_of(step, max_points), progress)
     if chosen in born_curves(point.kind, point.normal_form):
-        before = SingularOrbits.at(orbits, _BEFORE[chosen.times], origin)
+        before = SingularOrbits(orbits, _BEFORE[chosen.times], origin)
         birth = OrbitBirth.at(str(point.kind), before, origin, chosen.times)
         alike = sum((new.kind, new.times) == (chosen.kind, chosen.times) for new in point.new_curves)
         nearby = [] if birth is None else birth.bifurcations(problem, alike)

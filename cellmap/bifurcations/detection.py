@@ -13,8 +13,8 @@ from ..orbits.arclength import ContinuationStep, SolutionPoint
 from ..orbits.multipliers import pair_on_circle, unstable_count
 from ..orbits.orbit_equations import OrbitProblem
 from .branch import Bifurcation
-from .branch_points import crossing
 from .kinds import BifurcationKind
+from .singular_orbits import crossing
 
 _REAL = 1e-6  # imaginary part of multipliers that are taken for real where two of them meet
 _VERTICAL = 1e-4  # parameter component of the tangent of the branch that a pitchfork gives birth to

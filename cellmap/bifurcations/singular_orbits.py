@@ -1,4 +1,4 @@
-"""Equations of periodic orbits at a bifurcation, in two parameters."""
+"""Orbits at which derivatives are singular: equations of bifurcations in two parameters, and branch points in one."""
 
 from __future__ import annotations
 
@@ -7,47 +7,66 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..orbits.arclength import SolutionPoint
-from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one
+from ..orbits.arclength import Problem, SolutionPoint
+from ..orbits.multipliers import pair_on_circle
 from ..orbits.orbit_equations import OrbitProblem
 from .kinds import BifurcationKind
 
-_DIFFERENCE = 1e-5  # of test functions, in scaled unknowns
+_DIFFERENCE = 3e-5  # in scaled unknowns, between derivatives whose derivatives are wanted
 _REAL = 1e-4  # imaginary part of multipliers that have met on the real axis
 _BESIDE = 1e-3  # displacement, scaled, along the null vector, at which a symmetry shows
 _EVEN = 1e-4  # even part of the residual there, in squares of it, that is rounding and terms of the fourth order
 _CLOSED = 1e-9  # residual of an orbit
+_ROUNDS = 8
+_CONVERGED = 1e-13
+
+Vectors = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class SingularOrbits:
-    """Equations of the orbit with the bifurcation condition, for unknowns (x, q1, q2) in units of a scale."""
+    """Equations of an orbit with a bifurcation condition, for unknowns (x_1, ..., x_n, q1, q2) in units of a scale.
+
+    The orbit is in any number n of segments.  At a fold and at a pitchfork the derivatives by the states are singular;
+    at a period doubling they are with the sign of the last segment's end changed, and at a Neimark-Sacker bifurcation
+    those of the areas between two deviations, which have the products of two multipliers each.  The condition is that
+    the smallest singular value vanishes: it does whatever the size of the other multipliers, with a gradient from
+    second derivatives along the singular vectors.  At a pitchfork, which is a branch point at `origin` (n d + 2,) and
+    persists through a symmetry, the residual along the left null vector is an unfolding that is left out, and
+    displacements along it are held at zero.
+
+    References
+    ----------
+    Govaerts, *Numerical Methods for Bifurcations of Dynamical Equilibria* (2000), chapters 3 to 5.
+    """
 
     orbits: OrbitProblem
     kind: BifurcationKind
-    null: NDArray[np.float64]
-    symmetric: NDArray[np.float64]
-
-    @classmethod
-    def at(cls, orbits: OrbitProblem, kind: BifurcationKind, unknowns: NDArray[np.float64]) -> SingularOrbits:
-        """Set up the equations at a point of the curve."""
-        d = orbits.dimension
-        left, _, _ = np.linalg.svd(orbits(unknowns)[1][:, :d])
-        return cls(orbits, kind, left[:, -1], unknowns[:d])
+    origin: Vectors
 
     def matrix(self, place: SolutionPoint) -> NDArray[np.float64]:
         """Return the monodromy matrix."""
-        return self.matrices(place.unknowns)
+        return self.orbits.matrix(self._orbit(place))
 
     def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
         """Return the multipliers, by decreasing modulus."""
-        return multipliers_of(self.matrix(place))
+        return self.orbits.multipliers(self._orbit(place))
+
+    def matrices(self, unknowns: Vectors) -> NDArray[np.float64]:
+        """Return the monodromy matrices at unknowns (..., d + 2) of orbits in one segment."""
+        return self.orbits.factors(self.orbits(unknowns)[1])[..., 0, :, :]
+
+    def _orbit(self, place: SolutionPoint) -> SolutionPoint:
+        """Return the place as a solution of the equations of the orbit alone."""
+        pitchfork = self.kind is BifurcationKind.PITCHFORK
+        slopes = self.orbits(place.unknowns)[1] if pitchfork else place.derivatives[: self.orbits.states]
+        return SolutionPoint(place.unknowns, slopes, place.tangent)
 
     def has_met(self, place: SolutionPoint) -> bool:
         """Return whether the multipliers whose product is 1 on a curve of Neimark-Sacker bifurcations are real."""
         if self.kind is not BifurcationKind.NEIMARK_SACKER:
             return False
-        found = multipliers_of(self.matrix(place))
+        found = self.multipliers(place)
         return bool(abs(found[pair_on_circle(found)[0]].imag) < _REAL)
 
     def is_symmetric(self, place: SolutionPoint) -> bool:
@@ -57,8 +76,7 @@ class SingularOrbits:
         """
         if self.kind is not BifurcationKind.PITCHFORK:
             return True
-        d = self.orbits.dimension
-        matrix = self.orbits(place.unknowns)[1][:, :d]
+        matrix = self.orbits(place.unknowns)[1][:, : self.orbits.states]
         left, _, right = np.linalg.svd(matrix)
         along = np.append(_BESIDE * right[-1], [0.0, 0.0])
         here, ahead, behind = self.orbits(place.unknowns + np.outer([0.0, 1.0, -1.0], along))[0] @ left[:, -1]
@@ -66,34 +84,126 @@ class SingularOrbits:
         curved = abs(ahead + behind - 2.0 * here) / (2.0 * _BESIDE**2)
         return bool(abs(here) <= _CLOSED * size and curved <= _EVEN * size)
 
-    def matrices(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the monodromy matrices at unknowns (..., d + 2)."""
-        d = self.orbits.dimension
-        return self.orbits(unknowns)[1][..., :d] + np.eye(d)
-
-    def _test(self, matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-        unit = np.eye(matrices.shape[-1])
-        if self.kind is BifurcationKind.NEIMARK_SACKER:
-            return pairs_beside_one(np.linalg.eigvals(matrices).astype(np.complex128))
-        sign = 1.0 if self.kind is BifurcationKind.PERIOD_DOUBLING else -1.0
-        with np.errstate(invalid="ignore"):  # a trial may be where there is no image
-            return np.asarray(np.linalg.det(matrices + sign * unit))
-
-    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return residuals (d + 1,) and their derivatives (d + 1, d + 2) at unknowns (d + 2,)."""
+    def __call__(self, unknowns: Vectors) -> tuple[Vectors, NDArray[np.float64]]:
+        """Return residuals (n d + 1,) and their derivatives (n d + 1, n d + 2) at unknowns (n d + 2,)."""
         residual, slopes = self.orbits(unknowns)
-        d, m = self.orbits.dimension, len(unknowns)
-        offsets = _DIFFERENCE * np.eye(m)
-        around = np.concatenate([unknowns + offsets, unknowns - offsets])
-        tests = self._test(self.matrices(around))
-        gradient = (tests[:m] - tests[m:]) / (2.0 * _DIFFERENCE)
-        test = self._test(slopes[:, :d] + np.eye(d))
-        if self.kind is not BifurcationKind.PITCHFORK:
+        states, d = self.orbits.states, self.orbits.dimension
+        if not np.isfinite(slopes).all():
+            return np.full(states + 1, np.nan), np.full((states + 1, len(unknowns)), np.nan)
+        if self.kind is BifurcationKind.NEIMARK_SACKER:
+            test, gradient = self._of_areas(unknowns, slopes)
             return np.append(residual, test), np.vstack([slopes, gradient])
-        # By symmetry the residual has no part along the left null vector, and the state none that breaks the symmetry.
-        broken = self.null @ (unknowns[:d] - self.symmetric)
-        residual = residual - (self.null @ residual) * self.null + broken * self.null
-        slopes = slopes - np.outer(self.null, self.null @ slopes)
-        slopes[:, :d] += np.outer(self.null, self.null)
-        gradient[:d] -= (gradient[:d] @ self.null) * self.null
-        return np.append(residual, test), np.vstack([slopes, gradient])
+        block = slopes[:, :states].copy()
+        if self.kind is BifurcationKind.PERIOD_DOUBLING:
+            block[-d:, :d] += 2.0 * np.eye(d)
+        left, sizes, right = np.linalg.svd(block)
+        null = left[:, -1]
+        gradient = _bent(self.orbits, unknowns, null, np.append(right[-1], [0.0, 0.0])[None])
+        if self.kind is BifurcationKind.PITCHFORK:
+            broken = null @ (unknowns - self.origin)[:states]
+            residual = residual + (broken - null @ residual) * null
+            slopes = slopes + np.outer(null, np.append(null, [0.0, 0.0]) - null @ slopes)
+        return np.append(residual, sizes[-1]), np.vstack([slopes, gradient])
+
+    def _of_areas(self, unknowns: Vectors, slopes: NDArray[np.float64]) -> tuple[float, Vectors]:
+        """Return the smallest singular value of the derivatives of areas, and its gradient (n d + 2,)."""
+        orbits, d = self.orbits, self.orbits.dimension
+        areas = _of_pairs(orbits.factors(slopes))
+        n, pairs = areas.shape[:2]
+        cycle = np.zeros((n, pairs, n, pairs))
+        for k in range(n):
+            cycle[k, :, k] += areas[k]
+            cycle[k, :, (k + 1) % n] -= np.eye(pairs)
+        left, sizes, right = np.linalg.svd(cycle.reshape(n * pairs, n * pairs))
+        # Each segment depends on its own state alone, so that all of them are displaced at once.
+        each = np.zeros((d + 2, len(unknowns)))
+        each[:d, : n * d], each[d:, n * d :] = np.tile(np.eye(d), n), np.eye(2)
+        around = _of_pairs(orbits.factors(orbits(unknowns + _DIFFERENCE * np.concatenate([each, -each]))[1]))
+        changes = (around[: d + 2] - around[d + 2 :]) / (2.0 * _DIFFERENCE)
+        null, image = left[:, -1].reshape(n, pairs), right[-1].reshape(n, pairs)
+        gradient = np.einsum("ki,jkil,kl->kj", null, changes, image)
+        return float(sizes[-1]), np.append(gradient[:, :d].ravel(), gradient[:, d:].sum(axis=0))
+
+
+def _of_pairs(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what matrices (..., d, d) do to areas, (..., d (d - 1) / 2, d (d - 1) / 2): their minors of order two."""
+    i, j = np.triu_indices(matrices.shape[-1], 1)
+    a, b = matrices[..., i, :], matrices[..., j, :]
+    return np.asarray(a[..., i] * b[..., j] - a[..., j] * b[..., i])
+
+
+def _bent(problem: Problem, unknowns: Vectors, left: Vectors, directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the second derivatives (k, n + m) along directions (k, n + m) of the part of residuals along a vector."""
+    lengths = _DIFFERENCE / np.maximum(np.abs(directions).max(axis=1, keepdims=True), 1e-300)
+    shifts = lengths * directions
+    slopes = left @ problem(unknowns + np.concatenate([shifts, -shifts]))[1]
+    return np.asarray((slopes[: len(shifts)] - slopes[len(shifts) :]) / (2.0 * lengths))
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """Branch point: the unknowns (n + 1,) and the unit tangents of the known curve and of the other."""
+
+    unknowns: Vectors
+    along: Vectors
+    branch_direction: Vectors
+
+
+def crossing(problem: Problem, guess: Vectors, along: Vectors) -> Crossing | None:
+    """Return the branch point near a guess, where the derivatives (n, n + 1) are rank-deficient, and both tangents.
+
+    None where the derivatives are not known around it.
+
+    The branch point solves G + mu b = 0 and z D = 0 for the left null vector z of the derivatives D, with an unfolding
+    mu that vanishes, so that it is found as accurately as a regular solution.  The tangents are the roots of the
+    algebraic branching equation, of which the one next to `along` is known.
+
+    References
+    ----------
+    Griewank, Reddien, SIAM Journal on Numerical Analysis 21 (1984) 176; Keller, *Lectures on Numerical Methods in
+    Bifurcation Problems* (1987), section 5.
+    """
+    try:
+        return _crossing(problem, guess, along)
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _crossing(problem: Problem, guess: Vectors, along: Vectors) -> Crossing:
+    unknowns, unfolding = guess.copy(), 0.0
+    left, _, right = np.linalg.svd(_finite(problem(unknowns)[1]))
+    b, plane = left[:, -1], right[-2:]
+    n = len(b)
+    for _ in range(_ROUNDS):
+        residual, derivatives = map(_finite, problem(unknowns))
+        inverse = np.linalg.inv(np.block([[derivatives, b[:, None]], [plane, np.zeros((2, 1))]]))
+        z, defects, v = inverse[n + 1, :n], inverse[n + 1, n:], inverse[: n + 1, n:]
+        bent = _finite(_bent(problem, unknowns, z, v.T))
+        matrix = np.block([[derivatives, b[:, None]], [-bent, np.zeros((2, 1))]])
+        change = np.linalg.lstsq(matrix, -np.append(residual + unfolding * b, defects), rcond=1e-8)[0]
+        unknowns, unfolding = unknowns + change[:-1], unfolding + change[-1]
+        if np.linalg.norm(change) <= _CONVERGED:
+            break
+    if not np.linalg.norm(unknowns - guess) <= 1e-2:
+        unknowns = guess
+    left, _, right = np.linalg.svd(_finite(problem(unknowns)[1]))
+    plane = right[-2:]
+    curved = plane @ _finite(_bent(problem, unknowns, left[:, -1], plane)).T
+    size, axes = np.linalg.eigh(0.5 * (curved + curved.T))
+    if not size[0] < 0.0 < size[1]:
+        # Without a second root nothing is known of the other curve but that it leaves the first one.
+        known = plane.T @ (plane @ along)
+        other = plane.T @ (np.array([[0.0, -1.0], [1.0, 0.0]]) @ (plane @ known))
+    else:
+        parts = np.sqrt(size[1]) * axes[:, 0], np.sqrt(-size[0]) * axes[:, 1]
+        known, other = plane.T @ (parts[0] + parts[1]), plane.T @ (parts[0] - parts[1])
+        if abs(other @ along) * np.linalg.norm(known) > abs(known @ along) * np.linalg.norm(other):
+            known, other = other, known
+    known *= np.copysign(1.0, known @ along) / np.linalg.norm(known)
+    return Crossing(unknowns, known, other / np.linalg.norm(other))
+
+
+def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    if not np.isfinite(values).all():
+        raise np.linalg.LinAlgError("values that are not finite")
+    return values

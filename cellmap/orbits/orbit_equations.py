@@ -81,6 +81,10 @@ class OrbitProblem:
         """Return the monodromy matrix, in units of `scale`."""
         return place.derivatives[:, : self.dimension] + np.eye(self.dimension)
 
+    def factors(self, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives (..., n, d, d) of each segment from those of the residuals (..., n d, n d + m)."""
+        return (slopes[..., : self.dimension] + np.eye(self.dimension))[..., None, :, :]
+
     def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
         """Return the multipliers, by decreasing modulus."""
         return multipliers_of(self.matrix(place))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..maps.coordinates import wrap
+from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
 from .arclength import SolutionPoint, corrected
 from .multipliers import multipliers_of_product
@@ -98,6 +99,14 @@ class ShootingProblem(OrbitProblem):
         residual = moved.reshape(*batch, n * d) / own
         return residual, slopes.reshape(*batch, n * d, len(self.scale)) * self.scale / own[:, None]
 
+    def with_parameters(self, exact: PointMap, names: tuple[str, ...], spans: tuple[float, ...]) -> ShootingProblem:
+        """Return the equations in other parameters, those of a map, in units of their spans."""
+        swept = swept_map(exact, *names)
+        parts = swept.specified.parts(len(self.parts))
+        assert parts is not None, "the orbit is in segments"
+        scale = np.append(self.scale[: self.states], spans)
+        return replace(self, point_map=exact, swept=swept, scale=scale, parts=parts)
+
     def over(self, rounds: int, shrinking: float, span: float) -> ShootingProblem:
         """Return the equations of orbits of some times the period, in units of their own."""
         sizes = np.tile(np.sqrt(rounds) * shrinking * self.scale[:-1], rounds)
@@ -140,22 +149,22 @@ class ShootingProblem(OrbitProblem):
         points, multipliers = nodes[::count], self.multipliers(place)
         return PeriodicOrbit(self.period, points, rotations, matrix, multipliers, axes, exact.params)
 
-    def factors(self, place: SolutionPoint) -> NDArray[np.float64]:
-        """Return the derivatives (n, d, d) of each segment."""
+    def factors(self, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives (..., n, d, d) of each segment from those of the residuals (..., n d, n d + m)."""
         d, n = self.dimension, self.nodes
-        blocks = place.derivatives[: n * d, : n * d].reshape(n, d, n, d)
-        return np.stack([blocks[k, :, k] for k in range(n)])
+        blocks = slopes[..., : n * d].reshape(*slopes.shape[:-2], n, d, n, d)
+        return np.stack([blocks[..., k, :, k, :] for k in range(n)], axis=-3)
 
     def matrix(self, place: SolutionPoint) -> NDArray[np.float64]:
         """Return the monodromy matrix; its small eigenvalues are lost beside large ones."""
         product = np.eye(self.dimension)
-        for factor in self.factors(place):
+        for factor in self.factors(place.derivatives):
             product = factor @ product
         return product
 
     def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
         """Return the multipliers, by decreasing modulus."""
-        return multipliers_of_product(self.factors(place))
+        return multipliers_of_product(self.factors(place.derivatives))
 
     def bordered(self, place: SolutionPoint) -> float:
         """Return a function that changes its sign where curves cross."""
@@ -176,7 +185,7 @@ class ShootingProblem(OrbitProblem):
 
     def growth(self, place: SolutionPoint) -> float:
         """Return the largest factor by which a deviation grows from a node to the next one."""
-        return float(np.linalg.norm(self.factors(place), axis=(1, 2)).max())
+        return float(np.linalg.norm(self.factors(place.derivatives), axis=(1, 2)).max())
 
     def flipped(self, place: SolutionPoint) -> NDArray[np.float64]:
         """Return the direction, in all unknowns, in which an orbit of twice the period leaves a period doubling."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import cos, exp, pi, sin
 from typing import Any
 
@@ -159,6 +158,44 @@ def test_a_curve_of_period_doublings_beside_a_multiplier_of_1e10() -> None:
     np.testing.assert_allclose(a + b * b / 4.0 - b / 2.0, 1.25, atol=1e-12)
     np.testing.assert_allclose(curve.multipliers.real, [[1e10, -1.0]] * len(a), rtol=1e-6)
     assert b.max() - b.min() == pytest.approx(2.0)
-    torus = replace(doubling, kind=BifurcationKind.NEIMARK_SACKER)
-    with pytest.raises(ValueError, match="folds and period doublings are continued alone"):
-        continue_bifurcation(branch, torus, "b", (0.5, 3.0), (-1.0, 1.0))
+
+
+def test_a_curve_of_neimark_sacker_bifurcations_beside_a_multiplier_of_1e10() -> None:
+    """(u, v) -> -(v, a v - b u - u^3) has orbits of period 2 at u^2 = a - 1 - b, with a determinant 3 a - 3 - 2 b."""
+    exact = discrete_map(
+        lambda x, p: (1e5 * x[0] + x[1], -x[2], -(p.a * x[2] - p.b * x[1] - x[1] ** 3)),
+        {"a": 1.0, "b": -0.4},
+        ("x", "u", "v"),
+    )
+    u = np.sqrt(0.4)
+    branch = continue_orbit(exact, periodic_orbit(exact, [-u / (1.0 + 1e5), u, u], 2), "b", -0.7, -0.2, step=0.1)
+    assert in_segments(branch)
+    (torus,) = branch.of_kind(BifurcationKind.NEIMARK_SACKER)
+    assert torus.value == pytest.approx(-0.5, abs=1e-12)
+    curve = continue_bifurcation(branch, torus, "a", (-2.0, 1.0), (0.5, 1.8), step=0.05)
+    assert curve.ends == ("left the intervals", "left the intervals")
+    b, a = curve.values.T
+    np.testing.assert_allclose(3.0 * a - 3.0 - 2.0 * b, 1.0, atol=1e-12)
+    angles = 2.0 * np.arccos(0.5 * a)
+    np.testing.assert_allclose(curve.multipliers[:, 1].real, np.cos(angles), atol=1e-8)
+    np.testing.assert_allclose(np.abs(curve.multipliers), [[1e10, 1.0, 1.0]] * len(a), rtol=1e-6)
+    assert a.max() - a.min() == pytest.approx(1.3)
+
+
+def test_a_curve_of_pitchforks_beside_a_multiplier_of_1e8() -> None:
+    """y' = (q - b^2) y - y^3 + c beside x = cos t, which repels with exp(6 pi); with c there is no symmetry."""
+
+    def rhs(t: float, x: Any, p: Any) -> Any:
+        return 3.0 * (x[0] - cos(t)) - sin(t) + x[1], (p.q - p.b**2) * x[1] - x[1] ** 3 + p.c
+
+    params = {"q": -0.1, "b": 0.0, "c": 0.0}
+    exact = stroboscopic_map(ForcedSystem(rhs, params, 2 * pi, ("x", "y")), rtol=1e-11, atol=1e-11)
+    branch = continue_orbit(exact, periodic_orbit(exact, [1.0, 0.0]), "q", -0.3, 0.3, step=0.1)
+    assert in_segments(branch)
+    (pitchfork,) = branch.of_kind(BifurcationKind.PITCHFORK)
+    curve = continue_bifurcation(branch, pitchfork, "b", (-1.0, 1.0), (-0.8, 0.8), step=0.1)
+    assert curve.ends == ("left the intervals", "left the intervals")
+    np.testing.assert_allclose(curve.values[:, 0], curve.values[:, 1] ** 2, atol=1e-11)
+    broken = continue_bifurcation(branch, pitchfork, "c", (-1.0, 1.0), (-0.8, 0.8), step=0.1)
+    assert broken.ends == ("symmetry broken", "symmetry broken")
+    assert len(broken.values) == 1
