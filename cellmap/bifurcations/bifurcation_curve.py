@@ -77,8 +77,7 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
     def codimension_two(self, progress: bool = False) -> tuple[CodimensionTwo, ...]:
         """Return the bifurcations of codimension two, in the order of the curve.
 
-        They are located when they are asked for first, and kept.  None are located on curves of orbits in segments,
-        those with multipliers of more than 1e6.
+        They are located when they are asked for first, and kept.
 
         Parameters
         ----------
@@ -99,11 +98,9 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
         return self._located(progress)[1]
 
     def _located(self, progress: bool) -> tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]:
-        kept, problem = self.__dict__, self._problem
+        kept = self.__dict__
         if "_kept" not in kept:
-            if isinstance(problem.orbits, ShootingProblem):
-                return (), frozenset()
-            kept.setdefault("_kept", points_on(problem, self.parameters, self._places, progress))
+            kept.setdefault("_kept", points_on(self._problem, self.parameters, self._places, progress))
         found: tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]] = kept["_kept"]
         return found
 
@@ -245,8 +242,8 @@ class CurveTracer:
             return End(why)
         if problem.has_met(step.end):
             # The last point is that at which the multipliers meet.
-            real = np.sign(cosine_of_pair(problem.matrix(step.end)))
-            place = step.located(lambda p: cosine_of_pair(problem.matrix(p)) - real)
+            real = np.sign(cosine_of_pair(problem.multipliers(step.end)))
+            place = step.located(lambda p: cosine_of_pair(problem.multipliers(p)) - real)
             known = place is not None and step.along(place.unknowns) > 0.0
             return End("multipliers met on the real axis", place if known else None)
         return None if problem.is_symmetric(step.end) else End("symmetry broken")

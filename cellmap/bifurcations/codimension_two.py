@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,17 +14,21 @@ from .._lib.computed import computed_once
 from .._lib.stopping import check_stop
 from .._lib.threads import progress_bar
 from ..maps.coordinates import wrap
-from ..maps.multilinear import MultilinearForms, multilinear_forms
+from ..maps.multilinear import MultilinearForms
 from ..orbits.arclength import ContinuationStep, SolutionPoint
-from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one
+from ..orbits.multipliers import multipliers_along, pair_on_circle
 from .born_curves import NewCurve, born_curves
-from .centre_manifold import coefficient
 from .codimension_two_forms import CodimensionTwoForm, form_of_two
+from .homological import Centre, cycle_matrix
 from .kinds import BifurcationKind, CodimensionTwoKind
-from .normal_forms import Reduction
+from .located_forms import Tensors, forms_along
+from .normal_forms import Reduction, coefficient
 from .singular_orbits import SingularOrbits
 
 _AT_PLACE = 1e-8  # part of its value at a neighbour that a test function may have where it vanishes
+_CLOSE = 0.1  # distance, scaled, of a point from where it is expected
+_DISPLACED = 1e-5  # in scaled unknowns, between test functions whose derivatives are wanted
+_ITERATIONS = 10
 _SMALL = 1e-3  # the same after a zero has been located
 _SINGULAR = 1e-10  # determinant of I - M, below which a multiplier is 1
 _REAL = 1e-6  # imaginary part of multipliers that are taken for real
@@ -115,7 +119,10 @@ class CodimensionTwo:
 
 
 def points_on(
-    problem: SingularOrbits, names: tuple[str, str], places: Sequence[SolutionPoint], progress: bool = False
+    problem: SingularOrbits,
+    names: tuple[str, str],
+    places: Sequence[SolutionPoint],
+    progress: bool = False,
 ) -> tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]:
     """Return the points of codimension two on a curve through places, in its order.
 
@@ -123,9 +130,9 @@ def points_on(
     """
     tests = _Tests(problem)
     unknowns = np.array([p.unknowns for p in places])
-    matrices, forms = problem.matrices(unknowns), tests.forms(unknowns)
-    frames = [tests.frame(matrix) for matrix in matrices]
-    own = [tests.values(matrix, forms.at(0, k), frames[k]) for k, matrix in enumerate(matrices)]
+    factors, forms = tests.factors(unknowns), tests.forms(unknowns)
+    frames = [tests.frame(along) for along in factors]
+    own = [tests.values(along, forms.at(0, k), frames[k]) for k, along in enumerate(factors)]
     everywhere = _vanishing(own)
     found: dict[tuple[int, float, CodimensionTwoKind], SolutionPoint] = {}
     known: dict[CodimensionTwoKind, int] = {}
@@ -135,7 +142,7 @@ def points_on(
             here = own[j].keys() - everywhere
             # Where a test function is not known, the next place where it is has the last one as its neighbour.
             for k in {known[kind] for kind in here & known.keys()}:
-                begin, frame, after = places[k], frames[k], tests.values(matrices[j], forms.at(0, j), frames[k])
+                begin, frame, after = places[k], frames[k], tests.values(factors[j], forms.at(0, j), frames[k])
                 part = ContinuationStep(problem, begin, end, float(begin.tangent @ (end.unknowns - begin.unknowns)))
                 for kind in (kind for kind in here & known.keys() & after.keys() if known[kind] == k):
                     values = own[k][kind].value, after[kind].value
@@ -144,9 +151,12 @@ def points_on(
                     if at_begin or at_end:
                         found[j if at_end else k, 0.0, kind] = end if at_end else begin
                     elif values[0] * values[1] < 0.0:
-                        place = part.located(functools.partial(tests.at, frame=frame, kind=kind))
+                        double = kind is CodimensionTwoKind.DOUBLE_NEIMARK_SACKER
+                        test = functools.partial(tests.at, frame=frame, kind=kind)
+                        guess = part.interpolated(values[0] / (values[0] - values[1]))
+                        place = tests.double(guess) if double else part.located(test)
                         # A test function changes its sign at a pole as well.
-                        if place is not None and abs(tests.at(place, frame, kind)) < _SMALL * size:
+                        if place is not None and abs(test(place)) < _SMALL * size:
                             found[k, abs(part.along(place.unknowns)), kind] = place
             known |= dict.fromkeys(here, j)
             tick(1)
@@ -169,16 +179,20 @@ def _vanishing(values: Sequence[dict[CodimensionTwoKind, _TestValue]]) -> frozen
 
 
 def _point(
-    problem: SingularOrbits, names: tuple[str, str], place: int, kind: CodimensionTwoKind, at: SolutionPoint
+    problem: SingularOrbits,
+    names: tuple[str, str],
+    place: int,
+    kind: CodimensionTwoKind,
+    at: SolutionPoint,
 ) -> CodimensionTwo:
     orbits = problem.orbits
-    d, state = orbits.dimension, at.unknowns * orbits.scale
+    d, state = orbits.dimension, orbits.once(at.unknowns * orbits.scale)
     return CodimensionTwo(
         kind=kind,
         parameters=names,
         values=state[d:],
         point=wrap(state[:d], orbits.point_map.coordinates),
-        multipliers=multipliers_of(problem.matrix(at)),
+        multipliers=multipliers_along(orbits.factors(orbits(at.unknowns)[1])),
         place=place,
         _problem=problem,
         _unknowns=at.unknowns,
@@ -192,11 +206,15 @@ class _TestValue(NamedTuple):
     rounding: float = _ROUNDING
 
 
+Frame = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
 @dataclass(frozen=True, eq=False)
 class _Tests:
     """Test functions of the points of codimension two on a curve; each vanishes at one kind of them.
 
-    For a real multiplier eigenvectors are normalised by a `frame`, those of a point nearby, so that all is smooth.
+    They are functions of the derivatives along the orbit, from each of its nodes to the next one.  For a real
+    multiplier eigenvectors are normalised by a `frame`, those of a point nearby, so that all is smooth.
     """
 
     problem: SingularOrbits
@@ -205,106 +223,144 @@ class _Tests:
     def _critical(self) -> float:
         return -1.0 if self.problem.kind is _FLIP else 1.0
 
-    def frame(self, matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the right and the left unit eigenvector of the critical multiplier."""
-        left, _, right = np.linalg.svd(matrix - self._critical * np.eye(len(matrix)))
+    def factors(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives (..., n, d, d) from each node to the next one at unknowns (..., n d + 2)."""
+        return self.problem.orbits.factors(self.problem.orbits(unknowns)[1])
+
+    def frame(self, factors: NDArray[np.float64]) -> Frame:
+        """Return the right and the left unit eigenvector of the critical multiplier, along the nodes (n d,)."""
+        left, _, right = np.linalg.svd(cycle_matrix(factors, self._critical))
         return right[-1], left[:, -1]
 
     def forms(self, unknowns: NDArray[np.float64]) -> MultilinearForms:
-        """Return the derivatives of the map at unknowns (n, d + 2)."""
-        orbits = self.problem.orbits
-        return multilinear_forms(
-            orbits.swept, unknowns * orbits.scale, orbits.period, orbits.scale[: orbits.dimension], once=True
-        )
+        """Return the derivatives of the map, from each node to the next one, at unknowns (k, n d + 2)."""
+        return forms_along(self.problem.orbits, self.problem.orbits.cycle(unknowns), once=True)
 
-    def at(
-        self,
-        place: SolutionPoint,
-        frame: tuple[NDArray[np.float64], NDArray[np.float64]],
-        kind: CodimensionTwoKind,
-    ) -> float:
+    def at(self, place: SolutionPoint, frame: Frame, kind: CodimensionTwoKind) -> float:
         """Return a test function at a place, NaN where it is not known."""
         tensors = self.forms(place.unknowns[None]).at(0, 0) if kind in _DEGENERATE.values() else None
-        found = self.values(self.problem.matrix(place), tensors, frame).get(kind)
+        found = self.values(self.factors(place.unknowns), tensors, frame).get(kind)
         return np.nan if found is None else found.value
 
     def values(
-        self,
-        matrix: NDArray[np.float64],
-        at: tuple[NDArray[np.float64], ...] | None,
-        frame: tuple[NDArray[np.float64], NDArray[np.float64]],
+        self, factors: NDArray[np.float64], tensors: Tensors | None, frame: Frame
     ) -> dict[CodimensionTwoKind, _TestValue]:
         """Return the test functions at a place that are known; without derivatives of the map, those of multipliers."""
-        kind = self.problem.kind
-        if not np.isfinite(matrix).all():
+        if not np.isfinite(factors).all():
             return {}
+        multipliers, kind = multipliers_along(factors), self.problem.kind
         if kind is _TORUS:
-            return self._of_pairs(matrix, at)
-        unit = np.eye(len(matrix))
-        shifted = matrix - self._critical * unit
-        bordered = np.block([[shifted, frame[1][:, None]], [frame[0][None], np.zeros((1, 1))]])
+            return self._of_pairs(multipliers, tensors)
+        n, d = factors.shape[:2]
+        bordered = np.block([[cycle_matrix(factors, self._critical), frame[1][:, None]], [frame[0], np.zeros(1)]])
         try:
             inverse = np.linalg.inv(bordered)
         except np.linalg.LinAlgError:
             return {}
-        q, p = inverse[:-1, -1], inverse[-1, :-1]
-        others = _without(multipliers_of(matrix), self._critical)
-        found = {} if len(others) < 2 else {_with_pair(kind): _TestValue(float(pairs_beside_one(others)))}
+        q, p = inverse[:-1, -1].reshape(n, d), inverse[-1, -d - 1 : -1]
+        others, across = _without(multipliers, self._critical), float(p @ q[0])
+        found = {} if len(others) < 2 else {_with_pair(kind): _TestValue(_pairs(others))}
         if kind is not _PITCH:
-            found[_TWICE[self._critical]] = _TestValue(float(p @ q))
-            found[CodimensionTwoKind.FOLD_FLIP] = _TestValue(float(np.linalg.det(matrix + self._critical * unit)))
-        factor = _without_pole(matrix) if kind is _FLIP else 1.0
-        if at is not None and abs(factor) > _SINGULAR:
-            reduced = factor * coefficient(kind, self._critical, at, q, p).real
-            size = float(np.abs(at[1]).max()) if kind is _FOLD else _cubic_size(at)
+            found[_TWICE[self._critical]] = _TestValue(across)
+            found[CodimensionTwoKind.FOLD_FLIP] = _TestValue(_difference(multipliers, -self._critical))
+        # The inverse of I - M has a pole where a further multiplier is 1.
+        factor = _difference(multipliers, 1.0) if kind is _FLIP else 1.0
+        if tensors is not None and abs(factor) > _SINGULAR and across:
+            centre = Centre.real(q, p / across, self._critical)
+            reduced = factor * across * coefficient(kind, tensors, centre).real
+            size = float(np.abs(tensors[1]).max()) if kind is _FOLD else _cubic_size(tensors)
             found[_DEGENERATE[kind]] = _TestValue(reduced, _ROUNDING * size)
         return found
 
     def _of_pairs(
-        self, matrix: NDArray[np.float64], forms: tuple[NDArray[np.float64], ...] | None
+        self, multipliers: NDArray[np.complex128], tensors: Tensors | None
     ) -> dict[CodimensionTwoKind, _TestValue]:
-        cosine, multipliers = cosine_of_pair(matrix), multipliers_of(matrix)
-        found = {kind: _TestValue(cosine - value) for kind, value in _COSINES.items()}
         pair = list(pair_on_circle(multipliers))
+        cosine = cosine_of_pair(multipliers)
+        found = {kind: _TestValue(cosine - value) for kind, value in _COSINES.items()}
         others = np.delete(multipliers, pair)
         if len(others):
-            found[CodimensionTwoKind.FOLD_NEIMARK_SACKER] = _TestValue(float(np.prod(others - 1.0).real))
-            found[CodimensionTwoKind.FLIP_NEIMARK_SACKER] = _TestValue(float(np.prod(others + 1.0).real))
-        if forms is None:
+            found[CodimensionTwoKind.FOLD_NEIMARK_SACKER] = _TestValue(_difference(others, 1.0))
+            found[CodimensionTwoKind.FLIP_NEIMARK_SACKER] = _TestValue(_difference(others, -1.0))
+        if len(others) > 1:
+            found[CodimensionTwoKind.DOUBLE_NEIMARK_SACKER] = _TestValue(_pairs(others))
+        if tensors is None:
             return found
-        reduced = Reduction.of(self.problem.kind, forms, self.problem.orbits.scale[: len(matrix)])
-        factor = _without_pole(matrix)
+        reduced = Reduction.of(self.problem.kind, tensors, self.problem.orbits.scale[: tensors[0].shape[-1]])
+        factor = _difference(multipliers, 1.0)
         # At a 1:3 resonance the coefficient is a quotient of numbers that vanish.
         resonant = abs(multipliers[pair[0]] ** 3 - 1.0) < _RESONANT
         if reduced is not None and np.isfinite(reduced.coefficient) and abs(factor) > _SINGULAR and not resonant:
             right, left = (float(np.linalg.norm(v)) for v in (reduced.right, reduced.left))
-            terms = abs(factor) * left * right**3 * _cubic_size(forms)
+            terms = abs(factor) * left * right**3 * _cubic_size(tensors)
             found[_DEGENERATE[_TORUS]] = _TestValue(reduced.coefficient.real * factor, _ROUNDING * terms)
         return found
 
+    def double(self, guess: SolutionPoint) -> SolutionPoint | None:
+        """Return where two pairs of multipliers are on the unit circle, by Newton's method; None where not close by.
+
+        Two curves intersect there, and the equations of neither of them are regular.
+        """
+        orbits, here = self.problem.orbits, guess.unknowns
+        offsets = _DISPLACED * np.eye(len(here))
+        for _ in range(_ITERATIONS):
+            residual, slopes = orbits(here)
+            around = np.concatenate([here[None], here + offsets, here - offsets])
+            growth = np.array([_growth_of_pairs(along) for along in self.factors(around)])
+            changes = (growth[1 : len(here) + 1] - growth[len(here) + 1 :]).T / (2.0 * _DISPLACED)
+            matrix, sides = np.vstack([slopes, changes]), np.append(residual, growth[0])
+            if not np.isfinite(matrix).all():
+                return None
+            change = np.linalg.lstsq(matrix, sides, rcond=None)[0]
+            here = here - change
+            if np.linalg.norm(change) < _AT_PLACE**1.5:
+                return replace(guess, unknowns=here) if np.linalg.norm(here - guess.unknowns) < _CLOSE else None
+        return None
+
     def confirms(self, kind: CodimensionTwoKind, place: SolutionPoint) -> bool:
-        """Return whether the pair of multipliers that a kind asks for is complex."""
-        multipliers = multipliers_of(self.problem.matrix(place))
-        if kind in _TWICE.values() or (self.problem.kind is not _TORUS and kind not in _PAIRS):
+        """Return whether the pairs of multipliers that a kind asks for are complex."""
+        torus = self.problem.kind is _TORUS
+        if kind in _TWICE.values() or not (torus or kind in _PAIRS):
             return True
-        pair = multipliers if self.problem.kind is _TORUS else _without(multipliers, self._critical)
-        return bool(abs(pair[pair_on_circle(pair)[0]].imag) > _REAL)
+        multipliers = multipliers_along(self.factors(place.unknowns))
+        pair = multipliers if torus else _without(multipliers, self._critical)
+        first = list(pair_on_circle(pair))
+        if kind is CodimensionTwoKind.DOUBLE_NEIMARK_SACKER:
+            others = np.delete(pair, first)
+            if abs(others[pair_on_circle(others)[0]].imag) <= _REAL:
+                return False
+        return bool(abs(pair[first[0]].imag) > _REAL)
 
 
-def cosine_of_pair(matrix: NDArray[np.float64]) -> float:
+def cosine_of_pair(multipliers: NDArray[np.complex128]) -> float:
     """Return half the sum of the two multipliers whose product is nearest to 1."""
-    multipliers = multipliers_of(matrix)
     return float(multipliers[list(pair_on_circle(multipliers))].sum().real / 2.0)
 
 
-def _cubic_size(forms: tuple[NDArray[np.float64], ...]) -> float:
+def _growth_of_pairs(factors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the logarithms of the moduli of the two complex pairs next to the unit circle, by their angles."""
+    multipliers = multipliers_along(factors) if np.isfinite(factors).all() else np.empty(0, complex)
+    upper = multipliers[multipliers.imag > 0.0]
+    growth = np.log(np.abs(upper))
+    two = np.argsort(np.abs(growth))[:2]
+    return growth[two[np.argsort(np.angle(upper[two]))]] if len(two) == 2 else np.full(2, np.nan)
+
+
+def _cubic_size(forms: Tensors) -> float:
     """Return the size of the terms of a cubic coefficient, for vectors of length 1."""
     return float(np.abs(forms[1]).max() ** 2 + np.abs(forms[2]).max())
 
 
-def _without_pole(matrix: NDArray[np.float64]) -> float:
-    """Return det(I - M), by which coefficients with the inverse of I - M stay finite where a multiplier is 1."""
-    return float(np.linalg.det(np.eye(len(matrix)) - matrix))
+def _difference(multipliers: NDArray[np.complex128], value: float) -> float:
+    """Return a function that changes its sign where one of some multipliers passes a value, 1 or -1."""
+    return float(np.prod((value - multipliers) / (1.0 + np.abs(multipliers))).real)
+
+
+def _pairs(multipliers: NDArray[np.complex128]) -> float:
+    """Return a function that changes its sign where two of some multipliers have the product 1."""
+    i, j = np.triu_indices(len(multipliers), 1)
+    products = multipliers[i] * multipliers[j]
+    return float(np.prod((products - 1.0) / (1.0 + np.abs(products))).real)
 
 
 def _without(multipliers: NDArray[np.complex128], critical: float) -> NDArray[np.complex128]:

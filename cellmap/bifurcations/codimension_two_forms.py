@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,15 +12,14 @@ from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import state_points
 from ..maps.point_map import PointMap
-from ..orbits.multipliers import multipliers_of, pair_on_circle
+from ..orbits.multipliers import multipliers_along
 from ..orbits.orbit_equations import OrbitProblem, natural_sizes
-from .homological import Centre, Term, exponents, normal_form_terms
+from .homological import Centre, Term, normal_form_terms
 from .kinds import CodimensionTwoKind as Kind
 from .located_forms import CERTAIN, LocatedForms, Tensors
 
 _RESONANT = 1e-6  # difference of a multiplier and a product of multipliers that are taken for equal
 _ELSEWHERE = 1e-2  # error of critical multipliers, from which they are others
-_EQUAL = 1e-3  # relative difference of components of an eigenvector of which the first decides on its phase
 
 Numbers = dict[str, complex]
 
@@ -104,6 +102,17 @@ _FORMS = {
         required=("a", "d"),
         complex=("c", "d"),
     ),
+    Kind.DOUBLE_NEIMARK_SACKER: _Form(
+        3,
+        {
+            "a": (0, (2, 1, 0, 0)),
+            "b": (0, (1, 0, 1, 1)),
+            "c": (2, (1, 1, 1, 0)),
+            "d": (2, (0, 0, 2, 1)),
+        },
+        required=("a", "d"),
+        complex=("a", "b", "c", "d"),
+    ),
 }
 _VANISHING = ("lower",)
 """Coefficients that are zero at the bifurcation."""
@@ -117,13 +126,14 @@ _REAL = {
     Kind.FOLD_NEIMARK_SACKER: (1.0,),
     Kind.FLIP_NEIMARK_SACKER: (-1.0,),
 }
+_KNOWN = {Kind.RESONANCE_1_3: _THIRD, Kind.RESONANCE_1_4: 1j}
 _PAIRS = {
-    Kind.CHENCINER: None,
-    Kind.RESONANCE_1_3: _THIRD,
-    Kind.RESONANCE_1_4: 1j,
-    Kind.FOLD_NEIMARK_SACKER: None,
-    Kind.FLIP_NEIMARK_SACKER: None,
+    Kind.CHENCINER: 1,
+    Kind.FOLD_NEIMARK_SACKER: 1,
+    Kind.FLIP_NEIMARK_SACKER: 1,
+    Kind.DOUBLE_NEIMARK_SACKER: 2,
 }
+"""Numbers of complex pairs on the unit circle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +161,8 @@ class CodimensionTwoForm:
         fold-Neimark-Sacker   (u, w) -> (u + a u^2 + b abs(w)^2 + c1 u^3 + c2 u abs(w)^2,
                               mu w + e u w + c3 u^2 w + c4 w abs(w)^2)
         flip-Neimark-Sacker   (u, w) -> (-u + a u^3 + b u abs(w)^2, mu w + c u^2 w + d w abs(w)^2)
+        double Neimark-       (w, z) -> (mu w (1 + a abs(w)^2 + b abs(z)^2), nu z (1 + c abs(w)^2 + d abs(z)^2)), where
+        Sacker                the angle of mu is the smaller one
         ====================  ==========================================================================
 
         The cubic terms of the forms with quadratic ones depend on the choice of coordinates: the centre manifold has
@@ -260,75 +272,28 @@ def _numbers(tensors: Tensors, kind: Kind, sizes: NDArray[np.float64]) -> Number
     found: Numbers = dict.fromkeys(form.terms, complex(np.nan))
     if centre is not None and len(tensors) >= form.order:
         terms = normal_form_terms(tensors[: form.order], centre, form.order)
-        lengths = np.linalg.norm(centre.right * sizes[:, None], axis=0)
+        lengths = np.linalg.norm(centre.right[0] * sizes[:, None], axis=0)
         lengths = lengths if centre.is_diagonal else np.full_like(lengths, lengths[0])
         for name, (component, exponent) in form.terms.items():
             found[name] = terms[component, exponent] * complex(lengths[component] / np.prod(lengths**exponent))
-            if kind is Kind.CHENCINER:
-                found[name] /= centre.linear[0, 0]
+            if kind in (Kind.CHENCINER, Kind.DOUBLE_NEIMARK_SACKER):
+                found[name] /= centre.linear[component, component]
     with np.errstate(all="ignore"):
         return found | form.further({name: np.complex128(value) for name, value in found.items()})
 
 
-def _centre(matrix: NDArray[np.float64], kind: Kind) -> Centre | None:
+def _centre(matrices: NDArray[np.float64], kind: Kind) -> Centre | None:
     """Return the critical eigenspace of a kind of bifurcation; None where there is none."""
     if kind in _BLOCKS:
-        return _block(matrix, 1.0 if kind is Kind.RESONANCE_1_1 else -1.0, _BLOCKS[kind])
+        return Centre.of_block(matrices, 1.0 if kind is Kind.RESONANCE_1_1 else -1.0, _BLOCKS[kind])
     critical = list[complex](_REAL.get(kind, ()))
+    if kind in _KNOWN:
+        critical.append(_KNOWN[kind])
     if kind in _PAIRS:
-        multiplier = _PAIRS[kind]
-        if multiplier is None:
-            multipliers = multipliers_of(matrix)
-            nearest = multipliers[pair_on_circle(multipliers)[0]]
-            if not nearest.imag > 0.0:
-                return None
-            multiplier = complex(nearest / abs(nearest))
-        critical.append(multiplier)
-    right, left, values = list[NDArray[Any]](), list[NDArray[Any]](), list[complex]()
-    for value in critical:
-        q, p = _eigenvectors(matrix, value)
-        if abs(p @ q) < _RESONANT:
+        upper = multipliers_along(matrices)
+        upper = upper[upper.imag > 0.0]
+        nearest = upper[np.argsort(np.abs(np.abs(upper) - 1.0))[: _PAIRS[kind]]]
+        if len(nearest) < _PAIRS[kind]:
             return None
-        p = p / (p @ q)
-        for turned in (False, True)[: 1 + (value.imag != 0.0)]:
-            right.append(q.conj() if turned else q)
-            left.append(p.conj() if turned else p)
-            values.append(value.conjugate() if turned else value)
-
-    def resonant(degree: int) -> list[Term]:
-        powers = [(e, np.prod(np.array(values) ** e)) for e in exponents(len(values), degree)]
-        return [(i, e) for i, v in enumerate(values) for e, power in powers if abs(power - v) < _RESONANT]
-
-    return Centre(np.column_stack(right), np.array(left), np.diag(values), resonant)
-
-
-def _eigenvectors(matrix: NDArray[np.float64], value: complex) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the right and the left unit eigenvector; the first of the largest components of the former is positive."""
-    left, _, right = np.linalg.svd(matrix - value * np.eye(len(matrix)))
-    q = right[-1].conj()
-    sizes = np.abs(q)
-    largest = q[np.argmax(sizes > (1.0 - _EQUAL) * sizes.max())]
-    return q * abs(largest) / largest, left[:, -1].conj()
-
-
-def _block(matrix: NDArray[np.float64], value: float, terms: tuple[Term, ...]) -> Centre | None:
-    """Return the eigenspace of a double multiplier with one eigenvector."""
-    d, (q, p) = len(matrix), _eigenvectors(matrix, value)
-    if d < 2:
-        return None
-    bordered = np.block([[matrix - value * np.eye(d), p.real[:, None]], [q.real[None], np.zeros((1, 1))]])
-    try:
-        second = np.linalg.solve(bordered, np.append(q.real, 0.0))[:-1]
-        first = np.linalg.solve(bordered.T, np.append(p.real, 0.0))[:-1]
-    except np.linalg.LinAlgError:
-        return None
-    across = p.real @ second
-    p, first = p.real / across, first / across
-    left = np.array([first - (first @ second) * p, p])
-    linear = np.array([[value, 1.0], [0.0, value]])
-    return Centre(
-        np.column_stack([q, second]).astype(complex),
-        left.astype(complex),
-        linear.astype(complex),
-        lambda degree: [term for term in terms if sum(term[1]) == degree],
-    )
+        critical += (nearest / np.abs(nearest))[np.argsort(-nearest.real)].tolist()
+    return Centre.of(matrices, critical, _RESONANT)

@@ -86,6 +86,11 @@ def switch_curve(
     if not any(np.array_equal(p.values, point.values) for p in own):
         raise ValueError(f"point={point!r} is not on {curve!r}: give one of its codimension_two()")
     names, old = curve.parameters, curve._problem.orbits
+    if old.nodes > 1 and chosen.times > 1:
+        raise ValueError(
+            f"new_curve={chosen!r}: of orbits in segments, those with multipliers of more than 1e6, only curves with "
+            "the same period are followed"
+        )
     box = (interval_of("first", first, point.values[0]), interval_of("second", second, point.values[1]))
     spans = [high - low for low, high in box]
     orbits = replace(old, scale=np.append(old.scale[:-2], spans))

@@ -1,9 +1,10 @@
-"""Normal forms of any order on the centre manifold of a fixed point, from the homological equation."""
+"""Normal forms of any order on the centre manifold of a cycle of points, from the homological equation."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Sequence
+import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from math import factorial, prod
@@ -12,20 +13,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..maps.multilinear import directions_for
-
 Exponents = tuple[int, ...]
 Term = tuple[int, Exponents]
 """Component of the normal form, and exponents of a monomial in its variables."""
 
+_EQUAL = 1e-3  # relative difference of components of an eigenvector of which the first decides on its phase
 _SINGULAR = 1e-9  # ratio of singular values of a homological equation without a unique solution
 
 
 @dataclass(frozen=True, eq=False)
 class Centre:
-    """Critical eigenspace of a matrix A: columns Q (d, m) with A Q = Q J, and rows P (m, d) with P Q = 1.
+    """Critical eigenspace of the derivatives A_1, ..., A_n (n, d, d) along a cycle of n points.
 
-    A complex pair of variables is w and its conjugate, which formally are independent.  `resonant` returns the terms of
+    Columns Q_k (n, d, m) with A_k Q_k = Q_(k+1), at the end A_n Q_n = Q_1 J, and rows P (m, d) with P Q_1 = 1.  A
+    complex pair of variables is w and its conjugate, which formally are independent.  `resonant` returns the terms of
     the normal form that have a degree.
     """
 
@@ -33,6 +34,60 @@ class Centre:
     left: NDArray[np.complex128]
     linear: NDArray[np.complex128]
     resonant: Callable[[int], Sequence[Term]]
+
+    @classmethod
+    def of(cls, matrices: NDArray[np.float64], values: Sequence[complex], close: float) -> Centre | None:
+        """Return the eigenspace of multipliers, complex ones with their conjugates; None where one is not simple.
+
+        Terms are resonant whose multipliers differ by less than `close`, a multiplier is not simple if its unit
+        eigenvectors have a smaller product.
+        """
+        right, left, found = list[NDArray[Any]](), list[NDArray[Any]](), list[complex]()
+        for value in values:
+            q, p = eigenvectors(matrices, value)
+            if abs(p @ q[0]) < close:
+                return None
+            p = p / (p @ q[0])
+            both = value.imag != 0.0
+            right += [q, q.conj()][: 1 + both]
+            left += [p, p.conj()][: 1 + both]
+            found += [value, value.conjugate()][: 1 + both]
+
+        def resonant(degree: int) -> list[Term]:
+            powers = [(e, np.prod(np.array(found) ** e)) for e in exponents(len(found), degree)]
+            return [(i, e) for i, v in enumerate(found) for e, power in powers if abs(power - v) < close]
+
+        return cls(np.stack(right, axis=-1).astype(complex), np.array(left, complex), np.diag(found), resonant)
+
+    @classmethod
+    def real(cls, q: NDArray[np.float64], p: NDArray[np.float64], value: float) -> Centre:
+        """Return the eigenspace of a multiplier 1 or -1 with its eigenvectors along a cycle (n, d) and (d,)."""
+
+        def resonant(degree: int) -> list[Term]:
+            return [(0, (degree,))] if value**degree == value else []
+
+        return cls(q[..., None].astype(complex), p[None].astype(complex), np.full((1, 1), complex(value)), resonant)
+
+    @classmethod
+    def of_block(cls, matrices: NDArray[np.float64], value: float, terms: tuple[Term, ...]) -> Centre | None:
+        """Return the eigenspace of a double multiplier with one eigenvector; None where there is none."""
+        (n, d), (q, p) = matrices.shape[:2], eigenvectors(matrices, value)
+        if d < 2:
+            return None
+        singular, edge = cycle_matrix(matrices, value), np.zeros(n * d)
+        edge[-d:] = p.real
+        bordered = np.block([[singular, edge[:, None]], [q.real.reshape(1, -1), np.zeros((1, 1))]])
+        try:
+            second = np.linalg.solve(bordered, np.concatenate([np.zeros((n - 1) * d), q.real[0], [0.0]]))[:-1]
+            first = np.linalg.solve(bordered.T, np.concatenate([p.real, np.zeros((n - 1) * d), [0.0]]))[:-1]
+        except np.linalg.LinAlgError:
+            return None
+        across = p.real @ second[:d]
+        p, before = p.real / across, first[-d:] / across
+        left = np.array([before - (before @ second[:d]) * p, p], complex)
+        linear = np.array([[value, 1.0], [0.0, value]], complex)
+        right = np.stack([q, second.reshape(n, d)], axis=-1).astype(complex)
+        return cls(right, left, linear, lambda degree: [term for term in terms if sum(term[1]) == degree])
 
     @property
     def dimension(self) -> int:
@@ -44,42 +99,77 @@ class Centre:
         """Whether there is no Jordan block."""
         return not np.triu(self.linear, 1).any()
 
-    def off(self, matrix: NDArray[np.float64]) -> float:
-        """Return by how much the eigenspace of a matrix differs from this one."""
-        return float(np.abs(matrix @ self.right - self.right @ self.linear).max())
+    def off(self, matrices: NDArray[np.float64]) -> float:
+        """Return by how much the eigenspace of matrices (n, d, d) differs from this one."""
+        following = np.roll(self.right, -1, axis=0)
+        following[-1] = self.right[0] @ self.linear
+        return float(np.abs(matrices @ self.right - following).max())
+
+
+def cycle_matrix(matrices: NDArray[np.float64], value: complex) -> NDArray[Any]:
+    """Return the matrix (n d, n d) of A_k x_k - x_(k+1), and A_n x_n - value x_1, of the derivatives A_k (n, d, d)."""
+    n, d = matrices.shape[:2]
+    whole = np.zeros((n, d, n, d), complex if isinstance(value, complex) and value.imag else float)
+    for k, matrix in enumerate(matrices):
+        whole[k, :, k] = matrix
+        whole[k, :, (k + 1) % n] -= (value if k == n - 1 else 1.0) * np.eye(d)
+    return whole.reshape(n * d, n * d)
+
+
+def eigenvectors(matrices: NDArray[np.float64], value: complex) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the right eigenvector along a cycle (n, d) and the left one (d,) at its first point.
+
+    Both have length 1 there, and the first of the largest components of the former is positive.
+    """
+    n, d = matrices.shape[:2]
+    left, _, right = np.linalg.svd(cycle_matrix(matrices, value if complex(value).imag else complex(value).real))
+    q, p = right[-1].conj().reshape(n, d), left[-d:, -1].conj()
+    sizes = np.abs(q[0])
+    largest = q[0, np.argmax(sizes > (1.0 - _EQUAL) * sizes.max())]
+    return q * abs(largest) / largest / np.linalg.norm(q[0]), p / np.linalg.norm(p)
 
 
 def normal_form_terms(tensors: tuple[NDArray[np.float64], ...], centre: Centre, order: int) -> dict[Term, complex]:
-    """Return the coefficients of the normal form up to an order, of a map with derivatives A, B, C, ....
+    """Return the coefficients of the normal form up to an order, from derivatives A, B, ... (n, d, ...) along a cycle.
 
-    The centre manifold H(w) and the normal form G(w) satisfy F(H(w)) = H(G(w)), which is solved degree by degree; of
-    the normal form only resonant terms are not zero.  Without a Jordan block the resonant part of H is zero beyond its
-    linear one.  NaN where the equation of a degree is singular.
+    The centre manifolds H_k(w) at the points of the cycle and the normal form G(w) satisfy F_k(H_k(w)) = H_(k+1)(w), at
+    the end F_n(H_n(w)) = H_1(G(w)), which is solved degree by degree; of the normal form only resonant terms are not
+    zero.  Without a Jordan block the resonant part of H_1 is zero beyond its linear one.  NaN where the equation of a
+    degree is singular.
 
     References
     ----------
     Kuznetsov, Meijer, SIAM Journal on Scientific Computing 26 (2005) 1932; *Numerical Bifurcation Analysis of Maps*
     (2019), section 4.1.
     """
-    m = centre.dimension
-    places = directions_for(m, order)
-    manifold = {1: centre.right.T.astype(complex)}
-    form = {1: centre.linear.T.astype(complex)}
+    m, matrices = centre.dimension, tensors[0]
+    manifold = {e: centre.right[..., k] for k, e in enumerate(exponents(m, 1))}
+    form = [{e: complex(number) for e, number in zip(manifold, row, strict=True) if number} for row in centre.linear]
     found = dict[Term, complex]()
     for degree in range(2, order + 1):
         powers = exponents(m, degree)
-        values = _monomials(places, powers)
-        curves = {k: _monomials(places, exponents(m, k)) @ part for k, part in manifold.items()}
-        images = {k: _monomials(places, exponents(m, k)) @ part for k, part in form.items()}
-        known = _composed(tensors, curves, degree) - _followed(manifold, images, degree)
-        rest = np.linalg.lstsq(values, known)[0]
-        shifted = np.linalg.lstsq(values, _monomials(places @ centre.linear.T, powers))[0]
-        terms = list(centre.resonant(degree))
-        part, numbers = _solved(tensors[0], centre, powers, rest, shifted, terms)
-        manifold[degree], form[degree] = part, np.zeros((len(powers), m), complex)
-        for (component, exponent), number in zip(terms, numbers, strict=True):
-            form[degree][powers.index(exponent), component] = number
-            found[component, exponent] = complex(number)
+        rest = np.zeros((len(matrices), len(powers), matrices.shape[-1]), complex)
+        for factors, power, weight in _products(m, degree):
+            value = np.asarray(tensors[len(factors) - 1])
+            for factor in factors:
+                value = np.einsum("n...j,nj->n...", value, manifold[factor])
+            rest[:, powers.index(power)] += weight * value
+        for e, part in manifold.items():
+            for power, number in _substituted(form, e, degree).items() if sum(e) > 1 else ():
+                rest[-1, powers.index(power)] -= number * part[0]
+        shifted = np.zeros((len(powers), len(powers)), complex)
+        for k, e in enumerate(powers):
+            for power, number in _substituted(form, e, degree).items():
+                shifted[powers.index(power), k] = number
+        terms = [(i, powers.index(e)) for i, e in centre.resonant(degree)]
+        together = [[k] for k in range(len(powers))] if centre.is_diagonal else [list(range(len(powers)))]
+        for some in together:
+            mine = [(i, some.index(k)) for i, k in terms if k in some]
+            part, numbers = _solved(matrices, centre, rest[:, some], shifted[np.ix_(some, some)], mine)
+            manifold |= {powers[k]: part[:, j] for j, k in enumerate(some)}
+            found |= {(i, powers[some[j]]): complex(x) for (i, j), x in zip(mine, numbers, strict=True)}
+        for i, e in centre.resonant(degree):
+            form[i][e] = found[i, e]
     return found
 
 
@@ -90,77 +180,57 @@ def exponents(variables: int, degree: int) -> list[Exponents]:
     return [tuple(index.count(i) for i in range(variables)) for index in indices]
 
 
-def _monomials(places: NDArray[Any], powers: list[Exponents]) -> NDArray[Any]:
-    """Return monomials (n, c) at places (n, m)."""
-    return np.asarray(np.prod(places[:, None, :] ** np.array(powers), axis=-1))
+@functools.cache
+def _products(variables: int, degree: int) -> list[tuple[tuple[Exponents, ...], Exponents, float]]:
+    """Return all products of two or more monomials that have a degree: factors, exponents, and 1 over permutations."""
+    lower = [e for k in range(1, degree) for e in exponents(variables, k)]
+    several = (some for k in range(2, degree + 1) for some in combinations_with_replacement(lower, k))
+    found = [some for some in several if sum(map(sum, some)) == degree]
+    return [
+        (some, tuple(map(sum, zip(*some, strict=True))), 1.0 / prod(factorial(some.count(e)) for e in set(some)))
+        for some in found
+    ]
 
 
-def _partitions(total: int, largest: int) -> Iterator[tuple[int, ...]]:
-    """Yield the ways to write a number as a sum of positive ones, each not above the one before."""
-    if total == 0:
-        yield ()
-    for first in range(min(total, largest), 0, -1):
-        for others in _partitions(total - first, first):
-            yield (first, *others)
-
-
-def _composed(tensors: tuple[NDArray[np.float64], ...], curves: dict[int, NDArray[Any]], degree: int) -> NDArray[Any]:
-    """Return the part of F(H) of a degree, but for A times that of H, from the parts (n, d) of H on lines."""
-    total = np.zeros_like(curves[1])
-    for parts in _partitions(degree, degree - 1):
-        value = np.asarray(tensors[len(parts) - 1])[None]
-        for part in parts:
-            value = np.einsum("n...j,nj->n...", value, curves[part])
-        total += value / prod(factorial(parts.count(k)) for k in set(parts))
-    return total
-
-
-def _followed(manifold: dict[int, NDArray[Any]], images: dict[int, NDArray[Any]], degree: int) -> NDArray[Any]:
-    """Return the part of H(G) of a degree that parts of H of lower degrees make, but for the linear one."""
-    n, m = images[1].shape
-    series = np.zeros((m, n, degree + 1), complex)
-    for k, part in images.items():
-        series[:, :, k] = part.T
-    total = np.zeros((n, manifold[1].shape[1]), complex)
-    for k in range(2, degree):
-        for exponent, vector in zip(exponents(m, k), manifold[k], strict=True):
-            product = np.zeros((n, degree + 1), complex)
-            product[:, 0] = 1.0
-            for variable, power in zip(series, exponent, strict=True):
-                for _ in range(power):
-                    product = _product(product, variable)
-            total += product[:, -1:] * vector
-    return total
-
-
-def _product(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
-    """Return the product of power series (n, k), truncated."""
-    total = np.zeros_like(first)
-    for k in range(first.shape[1]):
-        total[:, k:] += second[:, k : k + 1] * first[:, : first.shape[1] - k]
-    return total
+def _substituted(form: list[dict[Exponents, complex]], exponent: Exponents, degree: int) -> dict[Exponents, complex]:
+    """Return the part of a degree of a monomial of the normal form."""
+    found = {(0,) * len(exponent): 1.0 + 0.0j}
+    for factor in (form[i] for i, power in enumerate(exponent) for _ in range(power)):
+        product = dict[Exponents, complex]()
+        for (e, x), (f, y) in itertools.product(found.items(), factor.items()):
+            both = tuple(map(sum, zip(e, f, strict=True)))
+            if sum(both) <= degree:
+                product[both] = product.get(both, 0.0) + x * y
+        found = product
+    return {e: x for e, x in found.items() if sum(e) == degree}
 
 
 def _solved(
-    matrix: NDArray[np.float64],
+    matrices: NDArray[np.float64],
     centre: Centre,
-    powers: list[Exponents],
     rest: NDArray[Any],
     shifted: NDArray[Any],
-    terms: list[Term],
+    terms: list[tuple[int, int]],
 ) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Solve A h(w) + rest(w) = h(J w) + Q g(w) for h (c, d) and the coefficients g of some terms."""
-    d, c, r = len(matrix), len(powers), len(terms)
-    equations = np.zeros((c * d + r * centre.is_diagonal, c * d + r), complex)
-    equations[: c * d, : c * d] = np.kron(np.eye(c), matrix) - np.kron(shifted, np.eye(d))
-    for k, (component, exponent) in enumerate(terms, c * d):
-        block = slice(d * powers.index(exponent), d * powers.index(exponent) + d)
-        equations[block, k] = -centre.right[:, component]
+    """Solve A_k h_k(w) + rest_k(w) = h_(k+1)(w), at the end = h_1(J w) + Q_1 g(w), for some monomials (c,) together.
+
+    Return h (n, c, d) and the coefficients g of terms, each given by its component and its monomial.
+    """
+    n, c, d = rest.shape
+    size, last = n * d, np.zeros((n * d, n * d))
+    last[-d:, :d] = np.eye(d)
+    equations = np.zeros((c * size + len(terms) * centre.is_diagonal, c * size + len(terms)), complex)
+    equations[: c * size, : c * size] = np.kron(np.eye(c), cycle_matrix(matrices, 0.0)) - np.kron(shifted, last)
+    for k, (component, power) in enumerate(terms, c * size):
+        equations[(power + 1) * size - d : (power + 1) * size, k] = -centre.right[0, :, component]
         if centre.is_diagonal:
-            equations[k, block] = centre.left[component]
+            equations[k, power * size : power * size + d] = centre.left[component]
     sides = np.zeros(len(equations), complex)
-    sides[: c * d] = -rest.ravel()
-    solution, _, _, sizes = np.linalg.lstsq(equations, sides, rcond=0.0)
-    if sizes[-1] < _SINGULAR * sizes[0]:
-        solution = np.full_like(solution, np.nan)
-    return solution[: c * d].reshape(c, d), solution[c * d :]
+    sides[: c * size] = -rest.swapaxes(0, 1).ravel()
+    if not np.linalg.cond(equations) < 1.0 / _SINGULAR:
+        solution = np.full(equations.shape[1], complex(np.nan))
+    elif centre.is_diagonal:
+        solution = np.linalg.solve(equations, sides)
+    else:
+        solution = np.linalg.lstsq(equations, sides, rcond=0.0)[0]
+    return solution[: c * size].reshape(c, n, d).swapaxes(0, 1), solution[c * size :]

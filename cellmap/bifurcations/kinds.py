@@ -48,3 +48,5 @@ class CodimensionTwoKind(StrEnum):
     """A multiplier +1 and a complex pair on the unit circle."""
     FLIP_NEIMARK_SACKER = "flip-Neimark-Sacker"
     """A multiplier -1 and a complex pair on the unit circle."""
+    DOUBLE_NEIMARK_SACKER = "double Neimark-Sacker"
+    """Two complex pairs on the unit circle: two curves of Neimark-Sacker bifurcations intersect."""

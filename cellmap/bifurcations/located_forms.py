@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ CERTAIN = 3.0
 """Errors that a coefficient is away from zero, from which on it counts as not zero."""
 
 _TRIALS = 8
-_SAFETY = 1.2  # over the standard deviation
+_SAFETY = 1.6  # over the standard deviation
 _ROUNDING = 2e-16
 _LOCATION = 5e-16  # error of the unknowns, in natural sizes
 _DISPLACEMENT = 1e-6  # the same, by which derivatives are compared
@@ -29,7 +29,10 @@ Function = Callable[[Tensors], Any]
 
 @dataclass(frozen=True, eq=False)
 class LocatedForms:
-    """Derivatives of a map at a point, in natural sizes (d,), and at neighbours displaced along each unknown."""
+    """Derivatives of a map along a cycle, in natural sizes (d,), and along neighbours displaced along each unknown.
+
+    Those of order k are (2, neighbours, n, d, d, ...) for a cycle of n points.
+    """
 
     forms: MultilinearForms
     sizes: NDArray[np.float64]
@@ -39,11 +42,12 @@ class LocatedForms:
         cls, point_map: PointMap, point: NDArray[np.float64], period: int, sizes: NDArray[np.float64], order: int = 3
     ) -> LocatedForms:
         """Return the derivatives at a point that is known exactly."""
-        return cls(multilinear_forms(point_map, point[None], period, sizes, order=order), sizes)
+        found = multilinear_forms(point_map, point[None], period, sizes, order=order)
+        return cls(replace(found, tensors=tuple(t[:, :, None] for t in found.tensors)), sizes)
 
     @classmethod
     def of(cls, problem: OrbitProblem, unknowns: NDArray[np.float64], order: int = 3) -> LocatedForms:
-        """Return the derivatives at unknowns (d + m,) of an orbit problem, which have been located with an error.
+        """Return the derivatives at unknowns (n d + m,) of an orbit problem, which have been located with an error.
 
         One further step of Newton's method is made first.
         """
@@ -51,14 +55,12 @@ class LocatedForms:
         scale = np.append(problem.scale[:d], problem.scale[problem.states :])
         residual, derivatives = problem(unknowns)
         closed = unknowns - np.linalg.lstsq(derivatives, residual, rcond=_DEFICIENT)[0]
-        state = problem.once(closed * problem.scale)
-        places = state + np.vstack([np.zeros(len(scale)), _DISPLACEMENT * np.diag(scale)])
-        sizes = problem.scale[:d]
-        return cls(multilinear_forms(problem.swept, places, problem.period, sizes, order=order), sizes)
+        moves = np.vstack([np.zeros(len(scale)), _DISPLACEMENT * np.diag(scale)])
+        return cls(forms_along(problem, problem.cycle(closed) + moves[:, None], order), problem.scale[:d])
 
     @property
     def tensors(self) -> Tensors:
-        """Derivatives A, B, C, ... at the point."""
+        """Derivatives A, B, C, ... (n, d, d, ...) along the cycle."""
         return self.forms.at(0, 0)
 
     def error_of(self, value: Any, function: Function, off: float) -> Any:
@@ -81,3 +83,21 @@ class LocatedForms:
             scatter.append(np.abs(np.asarray(function(tuple(disturbed))) - value) ** 2)
         error = _SAFETY * np.sqrt(np.mean(scatter, axis=0))
         return np.where(np.isfinite(error), error, np.inf)[()]
+
+
+def forms_along(
+    problem: OrbitProblem, states: NDArray[np.float64], order: int = 3, once: bool = False
+) -> MultilinearForms:
+    """Return the derivatives (2, k, n, d, d, ...) from each state (k, n, d + m) of some cycles to the next one."""
+    (number, nodes, width), count, sizes = states.shape, problem.divisions, problem.scale[: problem.dimension]
+    periods = problem.period * count // nodes
+    places = [states[:, k::count].reshape(-1, width) for k in range(count)]
+    parts = [
+        multilinear_forms(problem.swept, some, periods, sizes, once, order, part=(k, count))
+        for k, some in enumerate(places)
+    ]
+    tensors = list[NDArray[np.float64]]()
+    for of_order in zip(*(part.tensors for part in parts), strict=True):
+        apart = [t.reshape(len(t), number, nodes // count, *t.shape[2:]) for t in of_order]
+        tensors.append(np.stack(apart, axis=3).reshape(len(apart[0]), number, nodes, *of_order[0].shape[2:]))
+    return MultilinearForms(tuple(tensors), all(part.exact for part in parts))

@@ -12,8 +12,9 @@ from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import state_points
 from ..maps.point_map import PointMap
+from ..orbits.multipliers import multipliers_along
 from ..orbits.orbit_equations import OrbitProblem, natural_sizes
-from .centre_manifold import coefficient
+from .homological import Centre, eigenvectors, normal_form_terms
 from .kinds import BifurcationKind
 from .located_forms import CERTAIN, LocatedForms
 
@@ -159,26 +160,27 @@ class Reduction:
     def of(
         cls, kind: BifurcationKind, forms: tuple[NDArray[np.float64], ...], sizes: NDArray[np.float64]
     ) -> Reduction | None:
-        """Reduce a map with the derivatives A, B, C to the centre manifold; None without a complex pair."""
-        a = forms[0]
+        """Reduce a map with the derivatives A, B, C (n, d, ...) along a cycle; None without a complex pair."""
+        matrices = forms[0]
         critical = -1.0 + 0.0j if kind is BifurcationKind.PERIOD_DOUBLING else 1.0 + 0.0j
-        multipliers = np.linalg.eigvals(a).astype(complex)
+        multipliers = multipliers_along(matrices)
         if kind is BifurcationKind.NEIMARK_SACKER:
             upper = multipliers[multipliers.imag > 0.0]
             if not len(upper):
                 return None
             nearest = upper[np.argmin(np.abs(np.abs(upper) - 1.0))]
             critical = nearest / abs(nearest)
-        left, _, right = np.linalg.svd(a - critical * np.eye(len(a)))
-        q, p = right[-1].conj(), left[:, -1].conj()
-        across = abs(p @ q)
-        largest = np.argmax(np.abs(q * sizes))
-        q = q * abs(q[largest]) / q[largest] / np.linalg.norm(q * sizes)
+        along, p = eigenvectors(matrices, critical)
+        q = along[0] * sizes
+        largest = q[np.argmax(np.abs(q))]
+        scaled = abs(largest) / largest / np.linalg.norm(q)
         off = float(np.abs(multipliers - critical).min())
-        if across < _SINGULAR:
-            return cls(kind, complex(np.nan), off, q, p)
-        p = p / (p @ q)
-        return cls(kind, coefficient(kind, critical, forms, q, p), off, q, p)
+        centre = Centre.of(matrices, [critical], _SINGULAR)
+        if centre is None:
+            return cls(kind, complex(np.nan), off, along[0] * scaled, p)
+        value = coefficient(kind, forms, centre)
+        value *= scaled.real if _FORMS[kind] == "quadratic" else abs(scaled) ** 2
+        return cls(kind, value, off, along[0] * scaled, p / (p @ along[0] * scaled))
 
     def finished(self, located: LocatedForms) -> NormalForm:
         """Return the normal form, with the error that follows from those of the derivatives of the map."""
@@ -209,3 +211,10 @@ class Reduction:
             adjoint=self.left / located.sizes,
             exact=located.forms.exact,
         )
+
+
+def coefficient(kind: BifurcationKind, forms: tuple[NDArray[np.float64], ...], centre: Centre) -> complex:
+    """Return the coefficient of the normal form of a map with the derivatives A, B, C along a cycle."""
+    order, pair = (2 if _FORMS[kind] == "quadratic" else 3), kind is BifurcationKind.NEIMARK_SACKER
+    value = normal_form_terms(forms[:order], centre, order)[0, (2, 1) if pair else (order,)]
+    return value / complex(centre.linear[0, 0]) if pair else value

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..orbits.arclength import Problem, SolutionPoint
 from ..orbits.multipliers import pair_on_circle
 from ..orbits.orbit_equations import OrbitProblem
+from .homological import cycle_matrix
 from .kinds import BifurcationKind
 
 _DIFFERENCE = 3e-5  # in scaled unknowns, between derivatives whose derivatives are wanted
@@ -110,11 +111,7 @@ class SingularOrbits:
         orbits, d = self.orbits, self.orbits.dimension
         areas = _of_pairs(orbits.factors(slopes))
         n, pairs = areas.shape[:2]
-        cycle = np.zeros((n, pairs, n, pairs))
-        for k in range(n):
-            cycle[k, :, k] += areas[k]
-            cycle[k, :, (k + 1) % n] -= np.eye(pairs)
-        left, sizes, right = np.linalg.svd(cycle.reshape(n * pairs, n * pairs))
+        left, sizes, right = np.linalg.svd(cycle_matrix(areas, 1.0))
         # Each segment depends on its own state alone, so that all of them are displaced at once.
         each = np.zeros((d + 2, len(unknowns)))
         each[:d, : n * d], each[d:, n * d :] = np.tile(np.eye(d), n), np.eye(2)

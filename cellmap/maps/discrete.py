@@ -152,11 +152,13 @@ class Discrete(MapSpec[PointMap]):
         function = swept_function(self.function, len(self.coordinates), tuple(self.params), names)
         return replace(self, function=function, coordinates=swept_axes(self.coordinates, names))
 
-    def curve_step(self, order: int, finer: bool = False) -> Callable[[Orbits], None] | None:
+    def curve_step(
+        self, order: int, finer: bool = False, part: tuple[int, int] = (0, 1)
+    ) -> Callable[[Orbits], None] | None:
         """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown."""
         d = len(self.coordinates)
         kernel = discrete_jet_kernel(_timeless(self.function), d, tuple(self.params), order)
-        if kernel is None or self._formulas:
+        if kernel is None or self._formulas or part[1] > 1:
             return None
         parameters, anywhere = np.array([float(v) for v in self.params.values()]), np.zeros((order + 1) * d)
         advance = DiscreteAdvance(kernel, parameters, _BOUND, anywhere, anywhere)

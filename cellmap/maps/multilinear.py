@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations_with_replacement, pairwise, permutations, product
 from math import factorial, prod
@@ -50,17 +51,21 @@ def multilinear_forms(
     sizes: NDArray[np.float64],
     once: bool = False,
     order: int = 3,
+    part: tuple[int, int] = (0, 1),
 ) -> MultilinearForms:
     """Return the derivatives of P^periods at points (n, D) by the first d state variables, of sizes (d,), with d <= D.
+
+    Or those of one `part` of a step of the map, given by its number and that of all parts.
 
     The higher variational equations are integrated where the formulas of the right-hand side are known; with `once`
     there is no second evaluation of them.  A form follows from its values in as many directions as it has coefficients.
     """
     exact = point_map.without_table
     ways = (False,) if once else (False, True)
-    steps = [] if exact.spec is None else [exact.spec.curve_step(order, finer) for finer in ways]
+    steps = [] if exact.spec is None else [exact.spec.curve_step(order, finer, part) for finer in ways]
     if not steps or None in steps:
-        return _from_differences(exact, points, periods, sizes)
+        parts = exact.specified.parts(part[1]) if part[1] > 1 else None
+        return _from_differences(parts[part[0]] if parts else lambda x: tangent(exact, x, periods), points, sizes)
     d, (n, states) = len(sizes), points.shape
     directions = directions_for(d, order)
     found = tuple[list[NDArray[np.float64]], ...]([] for _ in range(order))
@@ -114,7 +119,9 @@ def _design(directions: NDArray[np.float64], order: int) -> NDArray[np.float64]:
 
 
 def _from_differences(
-    exact: PointMap, points: NDArray[np.float64], periods: int, sizes: NDArray[np.float64]
+    tangent_map: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]],
+    points: NDArray[np.float64],
+    sizes: NDArray[np.float64],
 ) -> MultilinearForms:
     """Return derivatives from central differences of Jacobian matrices at three distances, extrapolated."""
     d, n = len(sizes), len(points)
@@ -124,7 +131,7 @@ def _from_differences(
         offsets[k, list(pair)] = sizes[list(pair)]
 
     def matrices(places: NDArray[np.float64]) -> NDArray[np.float64]:
-        found = tangent(exact, places, periods)[1][..., :d, :d]
+        found = tangent_map(places)[1][..., :d, :d]
         return np.asarray(found * sizes / sizes[:, None])
 
     middle = matrices(points)

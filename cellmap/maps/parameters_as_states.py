@@ -89,10 +89,12 @@ class Swept(MapSpec[PointMap]):
         found = self._vectorised
         return None if found is None else found.swept(names)
 
-    def curve_step(self, order: int, finer: bool = False) -> Callable[[Orbits], None] | None:
+    def curve_step(
+        self, order: int, finer: bool = False, part: tuple[int, int] = (0, 1)
+    ) -> Callable[[Orbits], None] | None:
         """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown."""
         found = self._vectorised
-        return None if found is None else found.curve_step(order, finer)
+        return None if found is None else found.curve_step(order, finer, part)
 
     def parts(self, count: int) -> tuple[Callable[[Any], tuple[Any, Any]], ...] | None:
         """Return the tangent maps of equal parts of a step, one after the other; None where it cannot be divided."""

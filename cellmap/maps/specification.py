@@ -92,10 +92,13 @@ class MapSpec(ABC, Generic[M]):
         """Return the specification with some parameters appended to the state; None if `with_params` must serve."""
         return None
 
-    def curve_step(self, order: int, finer: bool = False) -> Callable[[Any], None] | None:
+    def curve_step(
+        self, order: int, finer: bool = False, part: tuple[int, int] = (0, 1)
+    ) -> Callable[[Any], None] | None:
         """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown.
 
-        With `finer` the tolerance is a tenth, for an estimate of the error.
+        With `finer` the tolerance is a tenth, for an estimate of the error.  A `part` (k, n) is the one with number k
+        of n equal parts of the step.
         """
         return None
 

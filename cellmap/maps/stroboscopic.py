@@ -166,11 +166,14 @@ class Stroboscopic(MapSpec[PointMap]):
             atol = (*atol, *len(names) * (max(atol),))
         return None if further is None else replace(self, system=further, atol=atol)
 
-    def curve_step(self, order: int, finer: bool = False) -> Callable[[Orbits], None] | None:
+    def curve_step(
+        self, order: int, finer: bool = False, part: tuple[int, int] = (0, 1)
+    ) -> Callable[[Orbits], None] | None:
         """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown."""
         s, method = self.system, "Rosenbrock" if self.motion.kernel.own_steps else "auto"
-        tolerance = min(self.rtol, _TANGENT_TOLERANCE)
-        return jet_flow(s, self.phase * s.length, s.length, tolerance, self.max_steps, order, method, finer)
+        tolerance, length = min(self.rtol, _TANGENT_TOLERANCE), s.length / part[1]
+        begin = self.phase * s.length + part[0] * length
+        return jet_flow(s, begin, length, tolerance, self.max_steps, order, method, finer)
 
     def parts(self, count: int) -> tuple[Callable[[Any], tuple[Any, Any]], ...] | None:
         """Return the tangent maps of equal parts of a period, one after the other; None without known derivatives."""

@@ -75,6 +75,11 @@ def multipliers_of_product(factors: NDArray[np.float64]) -> NDArray[np.complex12
     return values[np.lexsort((-values.imag, -values.real, -np.abs(values)))]
 
 
+def multipliers_along(factors: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the eigenvalues (d,) of the product of one matrix or several (n, d, d), largest first."""
+    return multipliers_of(factors[0]) if len(factors) == 1 else multipliers_of_product(factors)
+
+
 def pairs_beside_one(multipliers: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Return the products (...) of mu_i mu_j - 1 over all pairs of multipliers (..., d); 1 where there are no pairs.
 

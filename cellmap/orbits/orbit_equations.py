@@ -42,6 +42,16 @@ class OrbitProblem:
         return len(self.scale) - (self.swept.dimension - self.dimension)
 
     @property
+    def divisions(self) -> int:
+        """Number of parts into which each step of the map is divided."""
+        return 1
+
+    @property
+    def nodes(self) -> int:
+        """Number of states that are unknown."""
+        return self.states // self.dimension
+
+    @property
     def around(self) -> NDArray[np.float64]:
         """Periods of the state variables that are angles, 0 for the others."""
         return turns_of(self.point_map.coordinates)[1]
@@ -77,13 +87,22 @@ class OrbitProblem:
         slopes = (matrices[..., :d, :] - np.eye(d, len(self.scale))) * self.scale / self.scale[:d, None]
         return residual, slopes
 
+    def cycle(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the states at the nodes, with the parameters (..., n, d + m), of unknowns (..., n d + m)."""
+        given = unknowns * self.scale
+        nodes = given[..., : self.states].reshape(*given.shape[:-1], self.nodes, self.dimension)
+        q = given[..., None, self.states :]
+        return np.concatenate([nodes, np.broadcast_to(q, (*nodes.shape[:-1], q.shape[-1]))], axis=-1)
+
+    def factors(self, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives (..., n, d, d) from each node to the next one, from those of the equations."""
+        d, n = self.dimension, self.nodes
+        blocks = np.stack([slopes[..., k * d : (k + 1) * d, k * d : (k + 1) * d] for k in range(n)], axis=-3)
+        return blocks + np.eye(d) if n == 1 else blocks
+
     def matrix(self, place: SolutionPoint) -> NDArray[np.float64]:
         """Return the monodromy matrix, in units of `scale`."""
         return place.derivatives[:, : self.dimension] + np.eye(self.dimension)
-
-    def factors(self, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivatives (..., n, d, d) of each segment from those of the residuals (..., n d, n d + m)."""
-        return (slopes[..., : self.dimension] + np.eye(self.dimension))[..., None, :, :]
 
     def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
         """Return the multipliers, by decreasing modulus."""

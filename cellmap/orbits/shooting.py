@@ -63,9 +63,9 @@ class ShootingProblem(OrbitProblem):
         return cls(single.point_map, single.swept, single.period, scale, parts)
 
     @property
-    def nodes(self) -> int:
-        """Number of nodes."""
-        return self.period * len(self.parts)
+    def divisions(self) -> int:
+        """Number of parts into which each step of the map is divided."""
+        return len(self.parts)
 
     def through(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the unknowns of the orbit through a state and parameters (d + m,), by integration."""
@@ -75,12 +75,9 @@ class ShootingProblem(OrbitProblem):
     def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return residuals (..., n d) and their derivatives (..., n d, n d + m) at unknowns (..., n d + m)."""
         d, n, count = self.dimension, self.nodes, len(self.parts)
-        batch = unknowns.shape[:-1]
-        given = unknowns * self.scale
-        q = given[..., n * d :]
-        nodes = given[..., : n * d].reshape(*batch, n, d)
-        wrapped = wrap(nodes, self.point_map.coordinates)
-        states = np.concatenate([wrapped, np.broadcast_to(q[..., None, :], (*batch, n, q.shape[-1]))], axis=-1)
+        batch, states = unknowns.shape[:-1], self.cycle(unknowns)
+        nodes = states[..., :d].copy()
+        states[..., :d] = wrap(nodes, self.point_map.coordinates)
         images = np.empty_like(states)
         matrices = np.empty((*states.shape, states.shape[-1]))
         for k, part in enumerate(self.parts):
@@ -148,12 +145,6 @@ class ShootingProblem(OrbitProblem):
         matrix = self.matrix(place) * units[:, None] / units
         points, multipliers = nodes[::count], self.multipliers(place)
         return PeriodicOrbit(self.period, points, rotations, matrix, multipliers, axes, exact.params)
-
-    def factors(self, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivatives (..., n, d, d) of each segment from those of the residuals (..., n d, n d + m)."""
-        d, n = self.dimension, self.nodes
-        blocks = slopes[..., : n * d].reshape(*slopes.shape[:-2], n, d, n, d)
-        return np.stack([blocks[..., k, :, k, :] for k in range(n)], axis=-3)
 
     def matrix(self, place: SolutionPoint) -> NDArray[np.float64]:
         """Return the monodromy matrix; its small eigenvalues are lost beside large ones."""

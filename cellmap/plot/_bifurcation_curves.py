@@ -28,6 +28,7 @@ SHORT_NAMES = {
     CodimensionTwoKind.FOLD_FLIP: "FF",
     CodimensionTwoKind.FOLD_NEIMARK_SACKER: "FN",
     CodimensionTwoKind.FLIP_NEIMARK_SACKER: "PN",
+    CodimensionTwoKind.DOUBLE_NEIMARK_SACKER: "NN",
 }
 """How points of codimension two are named beside their markers."""
 
