@@ -36,6 +36,7 @@ from .equilibrium_stability import critical_values as critical_values
 from .equilibrium_stability import stability_map as stability_map
 from .floquet import FloquetResult as FloquetResult
 from .floquet import floquet_multipliers as floquet_multipliers
+from .function_zeros import FunctionZero as FunctionZero
 from .kinds import BifurcationKind as BifurcationKind
 from .kinds import CodimensionTwoKind as CodimensionTwoKind
 from .normal_forms import Criticality as Criticality

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,11 +18,15 @@ from ..orbits.orbit_equations import OrbitProblem, orbit_problem
 from ..orbits.shooting import ShootingProblem
 from .branch import Bifurcation, Branch
 from .codimension_two import CodimensionTwo, cosine_of_pair, points_on
+from .function_zeros import FunctionOrbits, FunctionZero, zeros_on
 from .kinds import BifurcationKind, CodimensionTwoKind
 from .orbit_births import OrbitBirth
 from .parameter_spans import spans
-from .period_measures import Quantity, measured
+from .period_measures import OrbitFunction, Quantity, measured
 from .singular_orbits import SingularOrbits
+
+CurveProblem = SingularOrbits | FunctionOrbits
+"""Equations of a curve in two parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +35,8 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
 
     Parameters
     ----------
-    kind : BifurcationKind
-        Kind of the bifurcation.
+    kind : BifurcationKind or str
+        Kind of the bifurcation; the name of the function on a curve along which a function is zero or extreme.
     parameters : tuple of str
         Names of the parameters.
     values : ndarray, shape (n, 2)
@@ -42,16 +47,19 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
         Multipliers, one or two of them on the unit circle.
     ends : tuple of str
         Reasons why the curve ends at its first and at its last point.
+    zeros : tuple of FunctionZero
+        Zeros and extreme values of functions, in the order of the curve; see :meth:`with_zeros`.
     """
 
-    kind: BifurcationKind
+    kind: BifurcationKind | str
     parameters: tuple[str, str]
     values: NDArray[np.float64]
     points: NDArray[np.float64]
     multipliers: NDArray[np.complex128]
     ends: tuple[str, str]
-    _problem: SingularOrbits = field(repr=False)
+    _problem: CurveProblem = field(repr=False)
     _places: tuple[SolutionPoint, ...] = field(repr=False)
+    zeros: tuple[FunctionZero, ...] = ()
 
     @property
     def point_map(self) -> PointMap:
@@ -72,6 +80,12 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
     def measure(self, quantity: Quantity = 0, measure: str | None = "maximum") -> NDArray[np.float64]:
         """Return a measure of each orbit over its period, shape (n,); see :meth:`Branch.measure`."""
         return measured(self.point_map, self.parameters, self.values, self.points, self.period, quantity, measure)
+
+    @checked
+    def with_zeros(self, functions: Mapping[str, Quantity | OrbitFunction]) -> BifurcationCurve:
+        """Return the curve with the zeros and extreme values of functions, as :meth:`Branch.with_zeros` does."""
+        problem, unknowns = self._problem, np.array([p.unknowns for p in self._places])
+        return replace(self, zeros=tuple(zeros_on(problem, problem.orbits, self.parameters, unknowns, functions)))
 
     @checked
     def codimension_two(self, progress: bool = False) -> tuple[CodimensionTwo, ...]:
@@ -100,6 +114,8 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
     def _located(self, progress: bool) -> tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]:
         kept = self.__dict__
         if "_kept" not in kept:
+            if not isinstance(self._problem, SingularOrbits):
+                return (), frozenset()
             kept.setdefault("_kept", points_on(self._problem, self.parameters, self._places, progress))
         found: tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]] = kept["_kept"]
         return found
@@ -111,7 +127,7 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
 @checked
 def continue_bifurcation(
     branch: Branch,
-    bifurcation: Bifurcation,
+    bifurcation: Bifurcation | FunctionZero,
     parameter: str,
     first: tuple[float, float],
     second: tuple[float, float],
@@ -119,7 +135,7 @@ def continue_bifurcation(
     max_points: int = 1000,
     progress: bool = False,
 ) -> BifurcationCurve:
-    """Continue a bifurcation of a branch in two parameters.
+    """Continue a bifurcation of a branch, or a zero of a function of its orbits, in two parameters.
 
     The equations of the orbit and the bifurcation condition, det(M - I) = 0 (fold), det(M + I) = 0 (period doubling) or
     the product of all mu_i mu_j - 1 = 0 (Neimark-Sacker), with the monodromy matrix M and its multipliers mu_i, are
@@ -131,7 +147,8 @@ def continue_bifurcation(
     branch : Branch
         The branch on which the bifurcation was found.
     bifurcation : Bifurcation
-        Fold, period doubling, pitchfork or Neimark-Sacker.
+        Fold, period doubling, pitchfork or Neimark-Sacker, or one of the `zeros` of the branch: the curve is that of
+        orbits at which the function is zero, or extreme along branches in the first parameter.
     parameter : str
         Name of the second parameter.
     first, second : tuple of float
@@ -170,7 +187,7 @@ def continue_bifurcation(
     >>> bool((abs(a - 0.75 * (1 - b)**2) < 1e-10).all())
     True
     """
-    if bifurcation.kind is BifurcationKind.TRANSCRITICAL:
+    if isinstance(bifurcation, Bifurcation) and bifurcation.kind is BifurcationKind.TRANSCRITICAL:
         raise ValueError(
             f"bifurcation={bifurcation!r}: a generic second parameter destroys it; for an equilibrium that is the same "
             "state at all values use stability_map"
@@ -190,7 +207,11 @@ def continue_bifurcation(
     else:
         orbits = orbit_problem(exact, bifurcation.point, branch.period, names, spans)
         unknowns = np.append(bifurcation.point, values) / orbits.scale
-    problem = SingularOrbits(orbits, bifurcation.kind, unknowns)
+    problem: CurveProblem
+    if isinstance(bifurcation, FunctionZero):
+        problem = FunctionOrbits.at(orbits, names, bifurcation, unknowns)
+    else:
+        problem = SingularOrbits(orbits, bifurcation.kind, unknowns)
     start = corrected(problem, unknowns, np.linalg.svd(problem(unknowns)[1])[2][-1])
     if start is None:
         raise ValueError(f"bifurcation={bifurcation!r}: it is not found again with both parameters free")
@@ -215,7 +236,7 @@ def interval_of(label: str, given: tuple[float, float], value: float) -> tuple[f
 class CurveTracer:
     """Tracer of a curve of bifurcations in a rectangle of two parameters."""
 
-    problem: SingularOrbits
+    problem: CurveProblem
     names: tuple[str, str]
     box: tuple[tuple[float, float], tuple[float, float]]
     longest: float
@@ -240,6 +261,8 @@ class CurveTracer:
         problem = self.problem
         if self.birth and (why := self.birth.end(step.begin, step.end)):
             return End(why)
+        if not isinstance(problem, SingularOrbits):
+            return None
         if problem.has_met(step.end):
             # The last point is that at which the multipliers meet.
             real = np.sign(cosine_of_pair(problem.multipliers(step.end)))

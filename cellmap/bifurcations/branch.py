@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +16,10 @@ from ..maps.point_map import PointMap
 from ..orbits.multipliers import unstable_count
 from ..orbits.orbit_equations import OrbitProblem
 from ..orbits.orbit_kinds import PeriodicOrbit
+from .function_zeros import FunctionZero, zeros_on
 from .kinds import BifurcationKind
 from .normal_forms import NormalForm, form_at
-from .period_measures import Quantity, measured
+from .period_measures import OrbitFunction, Quantity, measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +97,8 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         Reasons why the branch ends at its first and at its last point.
     point_map : PointMap
         The map, with the parameters of the initial orbit.
+    zeros : tuple of FunctionZero
+        Zeros and extreme values of functions, in the order of the branch; see :meth:`with_zeros`.
     """
 
     parameter: str
@@ -106,6 +110,7 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
     ends: tuple[str, str]
     point_map: PointMap
     _parts: tuple[BranchPart, ...] = field(repr=False)
+    zeros: tuple[FunctionZero, ...] = ()
 
     def __repr__(self) -> str:
         found = "; ".join(f"{b.kind} at {b.value:.9g}" for b in self.bifurcations) or "no bifurcation"
@@ -164,6 +169,64 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         """
         values, points = self.values[:, None], self.points
         return measured(self.point_map, (self.parameter,), values, points, self.period, quantity, measure)
+
+    @checked
+    def with_zeros(self, functions: Mapping[str, Quantity | OrbitFunction]) -> Branch:
+        """Return the branch with the zeros and extreme values of functions of its orbits, which become its `zeros`.
+
+        Zeros are located as bifurcations are, to rounding, where a function changes its sign between two points of the
+        branch; two zeros between neighbouring points are missed.  They are drawn, and written to files for AUTO (UZ);
+        :func:`continue_bifurcation` continues them in a second parameter.
+
+        Parameters
+        ----------
+        functions : mapping of str to OrbitFunction
+            Functions by their names.  A coordinate, one of the `outputs` or a function ``f(t, x, p)`` stands for
+            itself at the first point of the orbit.
+
+        Returns
+        -------
+        Branch
+            The same branch, with its `zeros` replaced.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For a quantity that the system does not have, or a function that is not known, or zero, at all points.
+
+        References
+        ----------
+        Doedel, Oldeman et al., *AUTO-07P* (2012), on user-defined points (UZR).
+
+        Examples
+        --------
+        >>> from math import cos, pi
+        >>> from cellmap import ForcedSystem, continue_orbit, periodic_orbit, stroboscopic_map
+        >>> linear = ForcedSystem(
+        ...     lambda t, x, p: (x[1], -x[0] - 0.2 * x[1] + cos(p.w * t)),
+        ...     {"w": 0.5}, lambda p: 2 * pi / p.w, ("x", "v"),
+        ... )
+        >>> exact = stroboscopic_map(linear)
+        >>> branch = continue_orbit(exact, periodic_orbit(exact, [1.0, 0.0]), "w", 0.5, 1.5)
+        >>> peak = OrbitFunction("x", "amplitude", extremum=True)
+        >>> branch.with_zeros({"peak": peak, "unit": lambda t, x, p: p.w - 1}).zeros
+        (FunctionZero(peak at w=0.9899494937), FunctionZero(unit at w=1))
+        """
+        found = list[FunctionZero]()
+        for part in self._parts:
+            unknowns = part.unknowns / part.problem.scale
+            found += zeros_on(part.problem, part.problem, (self.parameter,), unknowns, functions, part.first)
+        return replace(self, zeros=tuple(found))
+
+    @property
+    def special_points(self) -> tuple[Bifurcation | FunctionZero, ...]:
+        """Bifurcations and zeros of functions in the order of the branch."""
+        return tuple(sorted((*self.bifurcations, *self.zeros), key=self._along))
+
+    def _along(self, point: Bifurcation | FunctionZero) -> tuple[int, float]:
+        part = next(p for p in self._parts if point.place < p.first + len(p.unknowns) - 1)
+        apart = point._unknowns - part.unknowns[point.place - part.first] / part.problem.scale
+        return point.place, float(np.linalg.norm(apart))
 
     @checked
     def orbits_at(self, value: float) -> tuple[PeriodicOrbit, ...]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -13,14 +14,14 @@ from numpy.typing import NDArray
 from .._compiled.codegen.rebind import over_arrays
 from .._compiled.codegen.trace import parameter_record
 from .._lib.checks import one_of, shown
-from ..maps.parameters_as_states import swept_map, with_states
+from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
 from ..maps.stroboscopic import Stroboscopic
 from ..maps.system import ForcedSystem
-from ..maps.trajectories import trajectory
+from ..maps.trajectories import Sampler
 
 _SAMPLES, _MOST_SAMPLES = 64, 1024  # in a step of the map
-_TAIL = 1e-10  # largest harmonics of the upper half, relative to all, of a signal that is resolved
+_TAIL = 1e-10  # largest harmonics of the upper quarter, relative to all, of a signal that is resolved
 _FINER = 8  # points between two samples at which the largest value is looked for first
 _NEWTON_STEPS = 4
 _BLOCK = 8192  # steps of orbits that are integrated together
@@ -59,16 +60,20 @@ class OrbitFunction:
         A :class:`PeriodMeasure`; by default the quantity is that at the first point of the orbit.
     value : float, optional
         What is subtracted, in the unit of the quantity, so that the function is zero where the quantity has this value.
+    extremum : bool, optional
+        What is located on a branch is where the function is greatest or least along it, such as the peak of a
+        resonance curve, instead of where it is zero.
 
     Examples
     --------
     >>> OrbitFunction("x", "amplitude", value=1.5)
-    OrbitFunction(quantity='x', measure='amplitude', value=1.5)
+    OrbitFunction(quantity='x', measure='amplitude', value=1.5, extremum=False)
     """
 
     quantity: Quantity = 0
     measure: str | None = None
     value: float = 0.0
+    extremum: bool = False
 
     def __post_init__(self) -> None:
         if self.measure is not None:
@@ -88,13 +93,15 @@ def measured(
     period: int,
     quantity: Quantity,
     measure: str | None,
+    finest: float = np.inf,
 ) -> NDArray[np.float64]:
     """Return a measure (n,) of orbits through points (n, d) at values (n, m) of some parameters.
 
     The states within a period are integrated at equal distances in time, at more of them until the harmonics of the
     quantity have died out; its extreme values are those of the trigonometric polynomial through them.  For a map that
     is no stroboscopic map the points of the orbit stand for all times.  NaN where the quantity does not return after
-    the period, as an angle that makes full rotations.  Without a measure, the quantity at the points.
+    the period, as an angle that makes full rotations.  Without a measure, the quantity at the points.  The tolerances
+    are those of the map, or `finest` if that is less.
     """
     if measure is None:
         spec = point_map.without_table.spec
@@ -104,18 +111,18 @@ def measured(
     result = np.full(len(values), np.nan)
     rows, samples = np.arange(len(values)), _SAMPLES
     while len(rows):
-        signals = _signals(point_map, names, values[rows], points[rows], period, quantity, samples)
+        signals = _signals(point_map, names, values[rows], points[rows], period, quantity, samples, finest)
         apart = np.abs(signals[:, -1] - signals[:, 0])
         closed = apart <= _CLOSED * _size(signals)
         signals = signals[:, :-1]
         harmonics = np.fft.rfft(signals) / signals.shape[1]
         strength = np.abs(harmonics)
-        tail = strength[:, (strength.shape[1] + 1) // 2 :].max(axis=1, initial=0.0)
+        tail = strength[:, 3 * strength.shape[1] // 4 :].max(axis=1, initial=0.0)
         coarse = closed & (tail > np.maximum(_TAIL * strength.max(axis=1), apart)) & (samples < _MOST_SAMPLES)
         coarse &= isinstance(point_map.without_table.spec, Stroboscopic)
         done = closed & ~coarse
         result[rows[done]] = _reduced(chosen, signals[done], harmonics[done], point_map)
-        rows, samples = rows[coarse], 4 * samples
+        rows, samples = rows[coarse], 2 * samples
     return result
 
 
@@ -157,6 +164,7 @@ def _signals(
     period: int,
     quantity: Quantity,
     samples: int,
+    finest: float = np.inf,
 ) -> NDArray[np.float64]:
     """Return the quantity (n, times + 1) from the beginning of the period of orbits to its end."""
     exact = point_map.without_table
@@ -167,18 +175,14 @@ def _signals(
         for _ in range(period):
             orbit.append(swept(orbit[-1]))
         return _quantity(exact, names, values, np.arange(period + 1.0), np.array(orbit)[..., :d], quantity)
-    system = spec.system
-    settings: dict[str, Any] = {"phase": spec.phase, "rtol": spec.rtol, "atol": spec.atol, "method": spec.method}
-    moving = with_states(system, names)
-    if moving is not None:
-        initial = np.column_stack([points, values])
-        states = trajectory(moving, initial, period, samples, **settings).states[..., :d]
+    sampler = _sampler(spec, names, samples, finest)
+    if sampler is not None:
+        states = sampler.states(np.column_stack([points, values]), period)[0][..., :d]
     else:
         each = (
-            trajectory(_at(system, names, value), point, period, samples, **settings).states
-            for value, point in zip(values, points, strict=True)
+            Sampler(_finer(replace(spec, system=_at(spec.system, names, value)), finest), samples) for value in values
         )
-        states = np.stack(list(each), axis=1)
+        states = np.concatenate([s.states(p[None], period)[0] for s, p in zip(each, points, strict=True)], axis=1)
     return _quantity(exact, names, values, spec.phase + np.arange(len(states)) / samples, states, quantity)
 
 
@@ -219,6 +223,17 @@ def _quantity(
     found = over_arrays(function)(times[:, None] * length, tuple(np.moveaxis(states, -1, 0)), record)
     first = found[0] if isinstance(found, tuple) else found
     return np.broadcast_to(np.asarray(first, dtype=float), states.shape[:-1]).T
+
+
+@functools.lru_cache(maxsize=16)
+def _sampler(spec: Stroboscopic, names: tuple[str, ...], samples: int, finest: float) -> Sampler | None:
+    swept = spec.swept(names)
+    return None if swept is None else Sampler(_finer(swept, finest), samples)
+
+
+def _finer(spec: Stroboscopic, finest: float) -> Stroboscopic:
+    atol = tuple(min(a, finest) for a in spec.atol) if isinstance(spec.atol, tuple) else min(spec.atol, finest)
+    return replace(spec, rtol=min(spec.rtol, finest), atol=atol)
 
 
 def _at(system: ForcedSystem, names: tuple[str, ...], values: NDArray[np.float64]) -> ForcedSystem:

@@ -16,8 +16,9 @@ from .._lib.checks import is_sequence, shown
 from .._lib.files import as_target, written_whole
 from .._lib.signatures import checked
 from ..bifurcations.bifurcation_curve import BifurcationCurve
-from ..bifurcations.branch import Branch
+from ..bifurcations.branch import Bifurcation, Branch
 from ..bifurcations.connecting_branches import TangencyCurve
+from ..bifurcations.function_zeros import FunctionZero
 from ..bifurcations.kinds import BifurcationKind
 from ..bifurcations.period_measures import measured
 from ..maps.coordinates import Coordinate
@@ -33,7 +34,7 @@ TYPES = {
 }
 """AUTO's numbers of types of points: BP, LP, PD, TR."""
 
-_END, _FAILED = 9, -9  # EP, MX
+_END, _FAILED, _USER = 9, -9, -4  # EP, MX, UZ
 _LARGEST = 9999  # number of a point, which has four digits
 
 
@@ -59,8 +60,8 @@ def save_auto(
     Each is a branch of the file.  Its columns are the first parameter, the Euclidean norm of the state, the state
     variables of one point of the orbit and, for a curve, the second parameter.  As in AUTO, the number of a point is
     negative where the orbit is stable, and points have the types BP (pitchfork and transcritical), LP (fold), PD, TR
-    (Neimark-Sacker), EP and MX (an end without convergence), with labels.  Bifurcations of a branch are rows of their
-    own.
+    (Neimark-Sacker), UZ (zero of a function), EP and MX (an end without convergence), with labels.  Bifurcations and
+    zeros of a branch are rows of their own.
 
     Parameters
     ----------
@@ -106,7 +107,7 @@ def save_auto(
         raise TypeError(f"result={shown(result)}: give a Branch, a BifurcationCurve, a TangencyCurve, or several")
     lines, label = [], 0
     for number, item in enumerate(given, 1):
-        rows = _of_branch(item, measures) if isinstance(item, Branch) else _of_curve(item, measures)
+        rows = _of_tangencies(item) if isinstance(item, TangencyCurve) else _of_orbits(item, measures)
         lines += [f"   0    {rows.heading}", "   0    PT  TY  LAB " + "".join(f"{name:<19s}" for name in rows.names)]
         for k, values in enumerate(rows.values):
             label += int(rows.types[k] != 0)
@@ -119,39 +120,42 @@ def save_auto(
     return target
 
 
-def _of_branch(branch: Branch, measures: bool) -> _Rows:
-    found = branch.bifurcations
-    places = np.array([b.place for b in found], np.int64) + 1
-    values = np.insert(branch.values, places, [b.value for b in found])[:, None]
-    points = np.insert(
-        branch.points, places, np.array([b.point for b in found]).reshape(-1, branch.points.shape[1]), axis=0
-    )
-    types = np.insert(np.zeros(len(branch.values), np.int64), places, [TYPES.get(b.kind, 0) for b in found])
-    stable = np.insert(branch.unstable == 0, places, [b.before == 0 for b in found])
-    types[[0, -1]] = [_end(end) for end in branch.ends]
-    columns = _columns((branch.parameter,), values, points, branch.point_map.coordinates)
-    if measures:
-        columns = _measured(branch.point_map, (branch.parameter,), values, points, branch.period)
-    return _Rows([*columns], np.column_stack([*columns.values()]), stable, types, f"period {branch.period} orbits")
-
-
-def _of_curve(curve: BifurcationCurve | TangencyCurve, measures: bool) -> _Rows:
-    types = np.zeros(len(curve.values), np.int64)
-    types[[0, -1]] = [_end(end) for end in curve.ends]
-    if isinstance(curve, TangencyCurve):
-        points = curve.points[:, curve.points.shape[1] // 2]
-        columns = _columns(curve.parameters, curve.values, points, curve.coordinates)
-        stable, heading = np.zeros(len(types), bool), "tangencies"
+def _of_orbits(result: Branch | BifurcationCurve, measures: bool) -> _Rows:
+    names: tuple[str, ...]
+    found: tuple[Bifurcation | FunctionZero, ...]
+    if isinstance(result, Branch):
+        names, found, heading = (result.parameter,), result.special_points, f"period {result.period} orbits"
     else:
-        stable, heading = unstable_count(curve.multipliers) == 0, f"curve of {curve.kind}, period {curve.period}"
-        columns = _columns(curve.parameters, curve.values, curve.points, curve.coordinates)
-        if measures:
-            columns = _measured(curve.point_map, curve.parameters, curve.values, curve.points, curve.period)
+        names, found = result.parameters, result.zeros
+        heading = f"curve of {result.kind}, period {result.period}"
+    exact, places = result.point_map, np.array([b.place for b in found], np.int64) + 1
+    here = np.array([np.append(b.point, b.value if isinstance(b, Bifurcation) else b.values) for b in found])
+    states = np.column_stack([result.points, result.values])
+    states = np.insert(states, places, here.reshape(-1, states.shape[1]), axis=0)
+    points, values = states[:, : exact.dimension], states[:, exact.dimension :]
+    types, stable = np.zeros(len(result.values), np.int64), unstable_count(result.multipliers) == 0
+    types[[0, -1]] = [_end(end) for end in result.ends]
+    kinds = [TYPES.get(b.kind, 0) if isinstance(b, Bifurcation) else _USER for b in found]
+    before = [b.before if isinstance(b, Bifurcation) else b.unstable for b in found]
+    columns = (
+        _measured(exact, tuple(names), values, points, result.period)
+        if measures
+        else _columns(names, values, points, exact.coordinates)
+    )
+    types, stable = np.insert(types, places, kinds), np.insert(stable, places, np.equal(before, 0))
     return _Rows([*columns], np.column_stack([*columns.values()]), stable, types, heading)
 
 
+def _of_tangencies(curve: TangencyCurve) -> _Rows:
+    types = np.zeros(len(curve.values), np.int64)
+    types[[0, -1]] = [_end(end) for end in curve.ends]
+    points = curve.points[:, curve.points.shape[1] // 2]
+    columns = _columns(curve.parameters, curve.values, points, curve.coordinates)
+    return _Rows([*columns], np.column_stack([*columns.values()]), np.zeros(len(types), bool), types, "tangencies")
+
+
 def _columns(
-    names: tuple[str, ...],
+    names: Sequence[str],
     values: NDArray[np.float64],
     states: NDArray[np.float64],
     coordinates: Sequence[Coordinate],
@@ -166,11 +170,11 @@ def _columns(
 
 
 def _measured(
-    exact: PointMap, names: tuple[str, ...], values: NDArray[np.float64], points: NDArray[np.float64], period: int
+    exact: PointMap, names: Sequence[str], values: NDArray[np.float64], points: NDArray[np.float64], period: int
 ) -> dict[str, NDArray[np.float64]]:
     """Return the columns that AUTO has for periodic solutions."""
     norms, largest = (
-        np.column_stack([measured(exact, names, values, points, period, j, m) for j in range(exact.dimension)])
+        np.column_stack([measured(exact, tuple(names), values, points, period, j, m) for j in range(exact.dimension)])
         for m in ("norm", "maximum")
     )
     return _columns(names, values, largest, exact.coordinates, np.linalg.norm(norms, axis=1), "MAX_")

@@ -17,6 +17,7 @@ from ..bifurcations.circle_branches import CircleBranch, circle_columns
 from ..bifurcations.coexistence import AtlasKind
 from ..bifurcations.connecting_branches import ConnectionBranch, TangencyCurve
 from ..bifurcations.diagram import BifurcationDiagram
+from ..bifurcations.function_zeros import FunctionZero
 from ..bifurcations.period_measures import OrbitFunction, Quantity, as_functions
 from ..maps.coordinates import Coordinate
 from ..orbits.attractor import Attractor, distinct_names
@@ -30,7 +31,7 @@ def to_dataframe(result: Any, functions: Mapping[str, Quantity | OrbitFunction] 
 
     Parameters
     ----------
-    result : Basins, sequence of Attractor, Branch, BifurcationCurve, sequence of Bifurcation, BifurcationDiagram, \
+    result : Basins, sequence of Attractor, Branch, BifurcationCurve, special points of a Branch, BifurcationDiagram, \
 AttractorAtlas, CircleBranch, ConnectionBranch or TangencyCurve
         Attractors have one row each, in Basins with the fraction of the initial conditions that converge to them, in an
         atlas with their parameters; a branch or curve one for each of its points; a diagram one for each recorded
@@ -104,11 +105,11 @@ def columns_of(result: Any) -> dict[str, Any]:
     if is_sequence(result) and len(result):
         if all(isinstance(row, Attractor) for row in result):
             return _attractor_columns(result)
-        if all(isinstance(row, Bifurcation) for row in result):
+        if all(isinstance(row, Bifurcation | FunctionZero) for row in result):
             return _bifurcation_columns(result)
     raise TypeError(
         f"result={shown(result)}: give Basins, a Branch, a BifurcationCurve, a BifurcationDiagram, an AttractorAtlas, "
-        "a CircleBranch, a ConnectionBranch, a TangencyCurve, or a sequence of Attractor or of Bifurcation"
+        "a CircleBranch, a ConnectionBranch, a TangencyCurve, or a sequence of Attractor or special points of a Branch"
     )
 
 
@@ -164,13 +165,14 @@ def _atlas_columns(atlas: AttractorAtlas) -> dict[str, Any]:
     }
 
 
-def _bifurcation_columns(found: Sequence[Bifurcation]) -> dict[str, Any]:
+def _bifurcation_columns(found: Sequence[Bifurcation | FunctionZero]) -> dict[str, Any]:
+    both = [(b.before, b.after) if isinstance(b, Bifurcation) else (b.unstable, b.unstable) for b in found]
     return {
-        "kind": [str(b.kind) for b in found],
+        "kind": [str(b.kind) if isinstance(b, Bifurcation) else b.name for b in found],
         "value": np.array([b.value for b in found]),
         "point": [tuple(b.point.tolist()) for b in found],
-        "before": np.array([b.before for b in found], np.int64),
-        "after": np.array([b.after for b in found], np.int64),
+        "before": np.array([before for before, _ in both], np.int64),
+        "after": np.array([after for _, after in both], np.int64),
         "place": np.array([b.place for b in found], np.int64),
     }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -69,6 +70,13 @@ def flow(
     if method == "auto" and known.plain is not None and not known.plain.has_branches:
         chosen = _fitting(chosen, known)
     return replace(chosen, checked=_checked(chosen, turns_of(system.axes)))
+
+
+@functools.lru_cache(maxsize=16)
+def _ladder(max_steps: int) -> NDArray[np.int64]:
+    """Numbers of steps to choose from, four to an octave."""
+    rungs = np.unique([round(4 * 2 ** (k / _RUNGS_PER_OCTAVE)) for k in range(30 * _RUNGS_PER_OCTAVE)])
+    return np.unique(np.minimum(rungs, max_steps))
 
 
 _OWN_STEPS = 16.0  # for each equal step that is allowed
@@ -291,7 +299,7 @@ class Flow:
     @computed_once
     def numbers(self) -> Motion:
         """The numbers that the integrator takes."""
-        ladder, tolerance = self._ladder, max(self.rtol, float(self.atol.max()))
+        ladder, tolerance = _ladder(self.max_steps), max(self.rtol, float(self.atol.max()))
         margin = self.kernel.margin(tolerance)
         climb = (4 if self.kernel.own_steps else 3) * _RUNGS_PER_OCTAVE
         compared = ((climb if self.kernel.own_steps else _RUNGS_TO_COMPARE) - 0.5) / _RUNGS_PER_OCTAVE
@@ -324,12 +332,6 @@ class Flow:
             floor=np.where(self.keeps_zero, self.atol, 0.0),
             lost=np.zeros(len(self.largest), np.int64),
         )
-
-    @property
-    def _ladder(self) -> NDArray[np.int64]:
-        """Numbers of steps to choose from, four to an octave."""
-        rungs = np.unique([round(4 * 2 ** (k / _RUNGS_PER_OCTAVE)) for k in range(30 * _RUNGS_PER_OCTAVE)])
-        return np.unique(np.minimum(rungs, self.max_steps))
 
     def steps_at(self, points: NDArray[np.float64], steps: int) -> float:
         """Return how many steps nine in ten orbits need at most, expected from their errors at a number of steps."""

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._lib.checks import claim_memory, finite_number, whole_number
+from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from .coordinates import state_points, turns_of, wrap
 from .integration import flow
 from .orbit_batch import CHUNK, Orbits, Status
-from .point_map import Iterate, history, warn_of_tolerance
+from .point_map import Iterate, PointMap, history, warn_of_tolerance
 from .stroboscopic import MAX_STEPS, Stroboscopic
 from .system import ForcedSystem
 
@@ -167,7 +168,6 @@ def trajectory(
     array([1., 1., 1., 1., 1., 1., 1., 1., 1.])
     """
     spec = Stroboscopic(system, phase, rtol, atol, method, max_steps)
-    strobe = spec.build()
     places = state_points("initial_conditions", initial_conditions, system.axes)
     periods = whole_number("periods", periods, at_least=1)
     samples_per_period = whole_number("samples_per_period", samples_per_period, at_least=1)
@@ -175,41 +175,71 @@ def trajectory(
     needed = moments * (places.nbytes + 8) + 6 * (periods + 1) * places.nbytes
     what = f"{moments:,} states of {count:,} initial conditions"
     claim_memory(what, needed, "take fewer periods, samples or initial conditions")
-    lower, turn = turns_of(system.axes)
-    start = Orbits.starting(places.reshape(count, system.dimension).copy())
-    start.wrap(lower, turn)  # angles are unwrapped from where they were given
-    strobed, flat = history(strobe, places, periods, progress), (periods + 1, count, system.dimension)
-    points, rotations = strobed.points.reshape(flat), strobed.rotations.reshape(flat) + start.rotations
-    last = strobed.status[-1].ravel()
-    states = np.empty((moments, count, system.dimension))
-    states[::samples_per_period] = points + rotations * turn
-    states[0] = places.reshape(count, system.dimension)
-    ends = strobed.status[:-1].ravel()
-    within = Orbits(points[:-1].reshape(-1, system.dimension), rotations[:-1].reshape(-1, system.dimension), ends)
-    cells = states[:-1].reshape(periods, samples_per_period, count, system.dimension)
-    advances = _between_samples(spec, samples_per_period)
-
-    def fill(part: slice) -> None:
-        now = within[part]
-        period, start = np.divmod(np.arange(part.start, part.stop), count)
-        for k, advance in enumerate(advances, 1):
-            for living in now.living():
-                advance(living)
-            cells[period, k, start] = now.points + now.rotations * turn
-
-    label = f"trajectories of {system.name}" if progress else None
-    run_over(slices(len(within), CHUNK), fill, label)
-
-    status = np.maximum(last, within.status.reshape(periods, count).max(axis=0))
-    over = status >= Status.ESCAPED
-    if over.any():
-        rest = states[:, over]
-        rest[np.logical_or.accumulate(np.isnan(rest).any(axis=-1), axis=0)] = np.nan
-        states[:, over] = rest
-    warn_of_tolerance(status, strobe.name, strobe.unknown_formulas)
+    sampler = Sampler(spec, samples_per_period)
+    states, status = sampler.states(places.reshape(count, system.dimension), periods, progress)
     times = (phase + np.arange(moments) / samples_per_period) * system.length
     shape = (moments, *places.shape)
     return Trajectory(system, times, states.reshape(shape), status.reshape(shape[1:-1]), samples_per_period)
+
+
+@dataclass(frozen=True, eq=False)
+class Sampler:
+    """Motion of a stroboscopic map between samples at equal distances in time."""
+
+    spec: Stroboscopic
+    samples: int
+
+    @computed_once
+    def strobe(self) -> PointMap:
+        """The stroboscopic map."""
+        return self.spec.build()
+
+    @computed_once
+    def advances(self) -> list[Callable[[Orbits], None]]:
+        """Functions that move orbits on from each sample of a period but the last to the next one, angles unwrapped."""
+        spec, count = self.spec, self.samples
+        length, method = spec.system.length / count, spec.motion.kernel.method
+        rtol = max(spec.rtol / count, _FINEST)
+        atol = np.maximum(np.divide(spec.atol, count), np.minimum(spec.atol, _FINEST))
+        first = flow(spec.system, spec.motion.begin, length, rtol, atol, method, spec.max_steps)
+        return [replace(first, begin=first.begin + k * length) for k in range(count - 1)]
+
+    def states(
+        self, places: NDArray[np.float64], periods: int, progress: bool = False
+    ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+        """Return states (times, count, d), with NaN once orbits have terminated, and statuses (count,)."""
+        system, strobe, samples = self.spec.system, self.strobe, self.samples
+        lower, turn = turns_of(system.axes)
+        count, d = places.shape
+        start = Orbits.starting(places.copy())
+        start.wrap(lower, turn)  # angles are unwrapped from where they were given
+        strobed = history(strobe, places, periods, progress)
+        points, rotations = strobed.points, strobed.rotations + start.rotations
+        states = np.empty((periods * samples + 1, count, d))
+        states[::samples] = points + rotations * turn
+        states[0] = places
+        ends = strobed.status[:-1].ravel()
+        within = Orbits(points[:-1].reshape(-1, d), rotations[:-1].reshape(-1, d), ends)
+        cells = states[:-1].reshape(periods, samples, count, d)
+
+        def fill(part: slice) -> None:
+            now = within[part]
+            period, start = np.divmod(np.arange(part.start, part.stop), count)
+            for k, advance in enumerate(self.advances, 1):
+                for living in now.living():
+                    advance(living)
+                cells[period, k, start] = now.points + now.rotations * turn
+
+        label = f"trajectories of {system.name}" if progress else None
+        run_over(slices(len(within), CHUNK), fill, label)
+        status = np.maximum(strobed.status[-1], within.status.reshape(periods, count).max(axis=0))
+        over = status >= Status.ESCAPED
+        if over.any():
+            rest = states[:, over]
+            rest[np.logical_or.accumulate(np.isnan(rest).any(axis=-1), axis=0)] = np.nan
+            states[:, over] = rest
+        warn_of_tolerance(status, strobe.name, strobe.unknown_formulas)
+        return states, status
 
 
 @checked
@@ -276,12 +306,3 @@ def integrate(
     return Iterate(
         orbits.points.reshape(shape), orbits.rotations.reshape(shape), orbits.status.reshape(shape[:-1]), system.axes
     )
-
-
-def _between_samples(spec: Stroboscopic, samples: int) -> list[Callable[[Orbits], None]]:
-    """Functions that move orbits on from each sample of a period but the last to the next one, angles unwrapped."""
-    length, method = spec.system.length / samples, spec.motion.kernel.method
-    rtol = max(spec.rtol / samples, _FINEST)
-    atol = np.maximum(np.divide(spec.atol, samples), np.minimum(spec.atol, _FINEST))
-    first = flow(spec.system, spec.motion.begin, length, rtol, atol, method, spec.max_steps)
-    return [replace(first, begin=first.begin + k * length) for k in range(samples - 1)]

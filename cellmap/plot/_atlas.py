@@ -20,7 +20,7 @@ from ..bifurcations.kinds import BifurcationKind
 from ._axes import axes_or_new
 from ._colours import colour_of
 
-CURVE_STYLES: dict[BifurcationKind, Any] = {
+CURVE_STYLES: dict[str, Any] = {
     BifurcationKind.FOLD: "-",
     BifurcationKind.PERIOD_DOUBLING: "--",
     BifurcationKind.PITCHFORK: "-.",

@@ -63,6 +63,13 @@ def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:
         axis.set_major_formatter(FuncFormatter(lambda x, _: multiple_of_pi(x)))
 
 
+def mark_zeros(ax: Axes, zeros: Iterable[tuple[str, NDArray[np.float64]]]) -> None:
+    """Mark zeros of functions by stars with their names."""
+    for name, place in zeros:
+        ax.plot(*place, "*", color="white", markeredgecolor="black", markersize=9.0, zorder=4)
+        ax.annotate(name, (float(place[0]), float(place[1])), (5.0, 5.0), textcoords="offset points", fontsize="small")
+
+
 def measured_axis(coordinates: Sequence[Coordinate], quantity: Quantity, measure: str) -> Coordinate:
     """Return the axis on which a measure of a quantity is drawn."""
     names = [c.name for c in coordinates]

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from .._lib.signatures import checked
 from ..bifurcations.bifurcation_curve import BifurcationCurve
 from ..bifurcations.kinds import BifurcationKind, CodimensionTwoKind
-from ._axes import axes_or_new
+from ._axes import axes_or_new, mark_zeros
 from ._colours import COLOURS
 
 KIND_COLOURS = dict(zip(BifurcationKind, COLOURS, strict=False))
@@ -58,7 +58,7 @@ def bifurcation_curves(
     Returns
     -------
     matplotlib Axes
-        The axes.  Curves of orbits of more than one period are dashed.
+        The axes.  Curves of orbits of more than one period are dashed; zeros of functions are stars with their names.
 
     Raises
     ------
@@ -88,7 +88,9 @@ def bifurcation_curves(
     for curve in several:
         style = "-" if curve.period == least else "--"
         words = str(curve.kind) + (f", period {curve.period}" if curve.period > 1 else "")
-        (handles[words],) = ax.plot(*curve.values.T, style, color=KIND_COLOURS[curve.kind], linewidth=1.4)
+        colour = KIND_COLOURS[curve.kind] if isinstance(curve.kind, BifurcationKind) else "0.3"
+        (handles[words],) = ax.plot(*curve.values.T, style, color=colour, linewidth=1.4)
+        mark_zeros(ax, [(z.name, z.values) for z in curve.zeros])
     named: dict[str, str] = {}
     for point in (p for c in several for p in c.codimension_two()) if codimension_two else ():
         ax.plot(*point.values, "o", color="black", markersize=4.0, zorder=3)

@@ -17,7 +17,7 @@ from ..bifurcations.kinds import BifurcationKind
 from ..bifurcations.period_measures import Quantity, measured
 from ..maps.coordinates import Coordinate, difference
 from ..maps.parameters_as_states import swept_map
-from ._axes import axes_or_new, column_of, cut_at_branch_cuts, label_axis, measured_axis
+from ._axes import axes_or_new, column_of, cut_at_branch_cuts, label_axis, mark_zeros, measured_axis
 from ._colours import colour_of, one_colour
 
 MARKERS = {
@@ -71,7 +71,8 @@ def branches(
     -------
     matplotlib Axes
         The axes.  Stable parts are solid, unstable ones dashed; they end at the bifurcations between them, and begin at
-        the one from which they bifurcate if that is on another of the branches.  An angle is drawn within one period,
+        the one from which they bifurcate if that is on another of the branches.  Zeros of functions are stars with
+        their names.  An angle is drawn within one period,
         and curves are interrupted at the branch cut.
 
     Raises
@@ -119,6 +120,8 @@ def branches(
             if len(marks):
                 ax.plot(*marks.T, MARKERS[kind], color=own, markeredgecolor="black", markersize=5.0, zorder=3)
                 kinds.add(kind)
+        for zero in dict.fromkeys(kind for kind in trace.kinds if kind and kind not in MARKERS):
+            mark_zeros(ax, [(str(zero), place) for place in trace.marks(zero)])
     label_axis(ax.yaxis, shown_as, max(trace.span for trace in traces))
     ax.set_xlabel(name)
     if legend:
@@ -140,7 +143,7 @@ class _Trace:
 
     curves: NDArray[np.float64]
     stable: NDArray[np.bool_]
-    kinds: list[BifurcationKind | None]
+    kinds: list[str | None]
     axes: tuple[Coordinate, Coordinate]
 
     @classmethod
@@ -181,9 +184,9 @@ class _Trace:
         ]
         return np.concatenate(rows[:-1]) if rows else np.empty((0, 2))
 
-    def marks(self, kind: BifurcationKind) -> NDArray[np.float64]:
-        """Return the places (m, 2) of bifurcations of one kind."""
-        here = [k for k, other in enumerate(self.kinds) if other is kind]
+    def marks(self, kind: str) -> NDArray[np.float64]:
+        """Return the places (m, 2) of bifurcations of one kind, or of zeros of one name."""
+        here = [k for k, other in enumerate(self.kinds) if other == kind]
         places = self.curves[:, here].reshape(-1, 2).copy()
         axis = self.axes[1]
         if axis.period is not None and axis.lower is not None:
@@ -193,28 +196,31 @@ class _Trace:
 
 def _places(
     branch: Branch, birth: Bifurcation | None
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], list[BifurcationKind | None]]:
-    """Return the parameter (n,), the states (n, d) and the kinds (n) of bifurcations of a branch, from its birth on.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], list[str | None]]:
+    """Return the parameter (n,), states (n, d), and kinds (n) of bifurcations or names of zeros, from its birth on.
 
     Also whether the pieces (n - 1) between them are stable.
     """
     values: list[float] = [] if birth is None else [birth.value]
     states: list[NDArray[np.float64]] = [] if birth is None else [birth.point]
     counts: list[int] = [] if birth is None else [int(branch.unstable[0])]
-    kinds: list[BifurcationKind | None] = [] if birth is None else [None]
+    kinds: list[str | None] = [] if birth is None else [None]
+    special = branch.special_points
     for k, count in enumerate(branch.unstable.tolist()):
         values.append(float(branch.values[k]))
         states.append(branch.points[k])
         kinds.append(None)
-        here = [b for b in branch.bifurcations if b.place == k]
+        here = [b for b in special if b.place == k]
+        found = [b for b in here if isinstance(b, Bifurcation)]
         # What is between two bifurcations, or beside one, is known from them; elsewhere both ends have to agree.
         last = k + 1 == len(branch.values)
         ahead = count if last else max(count, int(branch.unstable[k + 1]), key=abs)
-        counts += [here[0].before, *(b.after for b in here)] if here else [ahead]
-        for bifurcation in here:
-            values.append(bifurcation.value)
-            states.append(bifurcation.point)
-            kinds.append(bifurcation.kind)
+        counts.append(found[0].before if found else ahead)
+        for point in here:
+            values.append(point.value)
+            states.append(point.point)
+            kinds.append(point.kind if isinstance(point, Bifurcation) else point.name)
+            counts.append(point.after if isinstance(point, Bifurcation) else counts[-1])
     return np.array(values), np.array(states), np.array(counts[:-1]) == 0, kinds
 
 

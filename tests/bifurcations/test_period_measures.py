@@ -38,8 +38,8 @@ def resonance() -> Branch:
     return continue_orbit(spring, periodic_orbit(spring, [0.7, 0.0]), "frequency", 0.8, 2.2, step=0.02)
 
 
-@pytest.mark.parametrize("phase", [0.0, 0.3])
-def test_a_linear_oscillator_has_its_amplitude_at_every_phase(phase: float) -> None:
+@pytest.mark.parametrize(("phase", "atol"), [(0.0, 1e-12), (0.3, (1e-12, 1e-11))])
+def test_a_linear_oscillator_has_its_amplitude_at_every_phase(phase: float, atol: Any) -> None:
     # x'' + b x' + 4 x = 1 + cos(w t): mean 1/4, amplitude 1/sqrt((4 - w^2)^2 + (b w)^2).
     linear = ForcedSystem(
         lambda t, x, p: (x[1], 1.0 + cos(p.w * t) - 4.0 * x[0] - p.b * x[1]),
@@ -47,7 +47,7 @@ def test_a_linear_oscillator_has_its_amplitude_at_every_phase(phase: float) -> N
         period=lambda p: 2.0 * pi / p.w,
         coordinates=("x", "v"),
     )
-    exact = stroboscopic_map(linear, phase=phase, rtol=1e-12, atol=1e-12)
+    exact = stroboscopic_map(linear, phase=phase, rtol=1e-12, atol=atol)
     branch = continue_orbit(exact, periodic_orbit(exact, [0.0, 0.0]), "w", 0.5, 3.0, step=0.05)
     w = branch.values
     size = 1.0 / np.sqrt((4.0 - w**2) ** 2 + (0.5 * w) ** 2)
