@@ -1,4 +1,5 @@
 from .atlas import attractor_atlas as attractor_atlas
+from .atlas_families import AtlasKind as AtlasKind
 from .atlas_record import AttractorAtlas as AttractorAtlas
 from .atlas_record import AttractorFamily as AttractorFamily
 from .bifurcation_curve import BifurcationCurve as BifurcationCurve
@@ -17,7 +18,6 @@ from .circle_switching import switch_circle as switch_circle
 from .codimension_two import CodimensionTwo as CodimensionTwo
 from .codimension_two_forms import CodimensionTwoForm as CodimensionTwoForm
 from .codimension_two_forms import codimension_two_form as codimension_two_form
-from .coexistence import AtlasKind as AtlasKind
 from .connecting_branches import ConnectionBranch as ConnectionBranch
 from .connecting_branches import Tangency as Tangency
 from .connecting_branches import TangencyCurve as TangencyCurve

@@ -18,11 +18,11 @@ from ..maps.orbit_batch import Orbits
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
 from .atlas_curves import borders_of, curves_at
-from .atlas_families import families_of
+from .atlas_families import AtlasKind, Attractors, families_of
 from .atlas_record import AttractorAtlas, AttractorFamily
 from .atlas_spreading import slow_ones, spread
 from .atlas_tiles import Tiles
-from .coexistence import AtlasKind, Attractors, Explorer
+from .coexistence import Explorer
 
 _ORBITS = 65536  # in a tile
 _PILOTS = 32  # parameter points and initial conditions whose images tell the size of what is to be found,

@@ -11,9 +11,9 @@ from .._lib.threads import progress_bar
 from ..maps.coordinates import difference
 from ..maps.point_map import PointMap, follow
 from ..orbits.newton import closed_orbit, newton
+from .atlas_families import Attractors
 from .bifurcation_curve import BifurcationCurve, continue_bifurcation
 from .branch import Bifurcation, Branch
-from .coexistence import Attractors
 from .kinds import BifurcationKind
 from .orbit_continuation import continue_orbit
 

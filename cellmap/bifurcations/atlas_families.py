@@ -1,15 +1,63 @@
-"""Families of attractors in an atlas: those of neighbouring parameter points that continue each other."""
+"""Attractors of an atlas, and their families: those of neighbouring parameter points that continue each other."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .coexistence import Attractors
-
 _APART = 0.3  # distance of means over orbits, in extents or radians, within which neighbours continue each other
+
+
+class AtlasKind(IntEnum):
+    """Kinds of attractors in an atlas."""
+
+    PERIODIC = 0
+    """Fixed point or periodic orbit."""
+    ROTATING = 1
+    """Periodic up to full rotations of an angle."""
+    QUASIPERIODIC = 2
+    """Orbits that stay bounded, do not close, and have a largest Lyapunov exponent of zero within 0.01 per period."""
+    CHAOTIC = 3
+    """Orbits with a positive Lyapunov exponent; all of one parameter point are counted as one attractor."""
+
+
+@dataclass(frozen=True, eq=False)
+class Attractors:
+    """Attractors of some parameter points, one a row; see :class:`AttractorAtlas` for the columns."""
+
+    place: NDArray[np.int64]
+    kind: NDArray[np.int8]
+    period: NDArray[np.int64]
+    rotations: NDArray[np.int64]
+    point: NDArray[np.float64]
+    centre: NDArray[np.float64]
+    modulus: NDArray[np.float64]
+    count: NDArray[np.int64]
+
+    @classmethod
+    def empty(cls, d: int) -> Attractors:
+        """Return no rows."""
+        whole, states = np.empty(0, np.int64), np.empty((0, d))
+        kinds, turns = np.empty(0, np.int8), np.empty((0, d), np.int64)
+        return cls(whole, kinds, whole, turns, states, np.empty((0, 2 * d)), np.empty(0), whole)
+
+    def __len__(self) -> int:
+        return len(self.place)
+
+    def __getitem__(self, rows: NDArray[np.int64]) -> Attractors:
+        return Attractors(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    def shifted(self, by: int) -> Attractors:
+        """Return the rows with other numbers of their parameter points."""
+        return replace(self, place=self.place + by)
+
+    @classmethod
+    def joined(cls, *parts: Attractors) -> Attractors:
+        """Put rows one behind the other."""
+        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,14 +72,16 @@ class Directory:
     width: int
 
     @classmethod
-    def of(cls, attractors: Attractors, species: NDArray[np.int64] | None = None) -> Directory:
-        """Sort attractors, whose species may be known already."""
+    def of(
+        cls, attractors: Attractors, species: NDArray[np.int64] | None = None, width: int | None = None
+    ) -> Directory:
+        """Sort attractors, whose species, and the number of all species, may be known already."""
         if species is None:
             code = np.zeros(len(attractors), np.int64)
             for column in (attractors.kind.astype(np.int64), attractors.period, *attractors.rotations.T):
                 code = np.unique(code * (np.ptp(column) + 1 if len(column) else 1) + column, return_inverse=True)[1]
             species = code.ravel()
-        width = int(species.max(initial=0)) + 1
+        width = int(species.max(initial=0)) + 1 if width is None else width
         keys = attractors.place * width + species
         order = np.argsort(keys, kind="stable")
         return cls(attractors.place, species, attractors.centre, order, keys[order], width)
@@ -41,7 +91,8 @@ class Directory:
     ) -> NDArray[np.int64]:
         """Return the nearest attractors of some species at places, to means (n, 2 d); -1 where there is none near."""
         best, found = np.full(len(species), within), np.full(len(species), -1)
-        rows, wanted = np.arange(len(species)), places * self.width + species
+        rows = np.arange(len(species) if len(self.keys) else 0)
+        wanted = (places * self.width + species)[rows]
         at = np.searchsorted(self.keys, wanted)
         while len(rows):
             there = (at < len(self.keys)) & (self.keys[np.minimum(at, len(self.keys) - 1)] == wanted)

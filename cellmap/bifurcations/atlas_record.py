@@ -14,8 +14,8 @@ from .._lib.computed import computed_once
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate
+from .atlas_families import AtlasKind
 from .bifurcation_curve import BifurcationCurve
-from .coexistence import AtlasKind
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from .._lib.stopping import check_stop
 from .._lib.threads import progress_bar, run_over, slices
-from .atlas_families import Directory
-from .coexistence import SAME_MEAN, AtlasKind, Attractors, Explorer
+from .atlas_families import AtlasKind, Attractors, Directory
+from .coexistence import SAME_MEAN, Explorer
 
 _SLICE = 256
 _KNOWN = 0.1  # distance of means over orbits, in extents or radians, within which a neighbour needs no search

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .._lib.checkpoint import check_belongs, plain
 from .._lib.files import StoreError, written_whole
-from .coexistence import Attractors
+from .atlas_families import Attractors
 
 Result = tuple[Attractors, NDArray[np.int64], NDArray[np.int64]]
 

@@ -8,20 +8,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .._lib.checks import finite_number, pair_of, shown, whole_number
+from .._lib.checks import shown
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, wrap
 from ..maps.point_map import PointMap
-from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
+from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, both_ways, corrected, trace
 from ..orbits.orbit_equations import OrbitProblem, orbit_problem
 from ..orbits.shooting import ShootingProblem
 from .branch import Bifurcation, Branch
 from .codimension_two import CodimensionTwo, cosine_of_pair, points_on
 from .function_zeros import FunctionOrbits, FunctionZero, zeros_on
+from .intervals import interval_of, limits_of, spans
 from .kinds import BifurcationKind, CodimensionTwoKind
 from .orbit_births import OrbitBirth
-from .parameter_spans import spans
 from .period_measures import OrbitFunction, Quantity, measured
 from .singular_orbits import SingularOrbits
 
@@ -218,20 +218,6 @@ def continue_bifurcation(
     return CurveTracer(problem, names, box, *limits_of(step, max_points), progress).curve(start)
 
 
-def limits_of(step: float, max_points: int) -> tuple[float, int]:
-    """Return the longest step and the largest number of points, checked."""
-    return finite_number("step", step, above=0.0, at_most=1.0), whole_number("max_points", max_points, at_least=1)
-
-
-def interval_of(label: str, given: tuple[float, float], value: float) -> tuple[float, float]:
-    """Return the interval of a parameter, which contains its present value."""
-    ends = pair_of(label, given)
-    low, high = (finite_number(f"{label}[{k}]", end) for k, end in enumerate(ends))
-    if not low <= value <= high or low == high:
-        raise ValueError(f"{label}={given!r}: give an interval that contains the present value {value:g}")
-    return low, high
-
-
 @dataclass(frozen=True, eq=False)
 class CurveTracer:
     """Tracer of a curve of bifurcations in a rectangle of two parameters."""
@@ -273,11 +259,7 @@ class CurveTracer:
 
     def curve(self, start: SolutionPoint) -> BifurcationCurve:
         """Trace the curve on both sides of a point."""
-        ahead, last_end = self.side(start)
-        back, first_end = (
-            ([start], last_end) if last_end == "closed" else self.side(replace(start, tangent=-start.tangent))
-        )
-        places = [*back[:0:-1], *ahead]
+        places, ends = both_ways(self.side, start)
         orbits = self.problem.orbits
         states = np.array([p.unknowns for p in places]) * orbits.scale
         return BifurcationCurve(
@@ -286,7 +268,7 @@ class CurveTracer:
             values=np.clip(states[:, orbits.states :], *np.transpose(self.box)),
             points=wrap(states[:, : orbits.dimension], orbits.point_map.coordinates),
             multipliers=np.array([self.problem.multipliers(p) for p in places]),
-            ends=(first_end, last_end),
+            ends=ends,
             _problem=self.problem,
             _places=tuple(places),
         )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .._lib.checks import finite_number, known_parameter, whole_number
+from .._lib.checks import known_parameter, whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import difference
 from ..maps.grid import CellGrid
@@ -16,6 +16,7 @@ from ..maps.point_map import PointMap
 from ..orbits.orbit_kinds import PeriodicOrbit
 from ..orbits.periodic_search import find_periodic_orbits
 from .branch import Bifurcation, Branch
+from .intervals import interval_between
 from .kinds import BifurcationKind
 from .orbit_continuation import continue_orbit, switch_branch
 
@@ -124,9 +125,7 @@ def find_branches(
     >>> find_branches(ring, "q", -2.0, 2.0, CellGrid((-2.05,), (4.0,), (200,)))
     BranchSearch(2 branches over q, 1 of them closed, ... orbits at 9 values)
     """
-    low, high = finite_number("lower", lower), finite_number("upper", upper)
-    if not low < high:
-        raise ValueError(f"upper={upper!r}: give a number above lower={lower!r}")
+    low, high = interval_between(lower, upper)
     known_parameter("parameter", parameter, point_map.params)
     longest, count = whole_number("max_period", max_period, at_least=1), whole_number("n_values", n_values, at_least=1)
     values = low + (high - low) * (np.arange(count) + _OFFSET) / count

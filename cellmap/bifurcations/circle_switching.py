@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .._lib.checks import finite_number, whole_number
 from .._lib.signatures import checked
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
@@ -15,6 +14,7 @@ from ..orbits.orbit_equations import natural_sizes
 from .branch import Bifurcation, Branch
 from .circle_branches import CircleBranch, CircleStatus, decay_of
 from .circle_equations import CircleProblem, across_exponent
+from .intervals import interval_between, limits_of
 from .kinds import BifurcationKind
 
 _FEWEST, _MOST = 9, 273  # phases
@@ -85,14 +85,8 @@ def switch_circle(
         raise ValueError(
             f"bifurcation={bifurcation!r}: give a Neimark-Sacker bifurcation; switch_branch follows others"
         )
-    low, high = finite_number("lower", lower), finite_number("upper", upper)
-    if not low < bifurcation.value < high:
-        raise ValueError(
-            f"lower={lower!r}, upper={upper!r}: give an interval, the smaller value first, that contains the "
-            f"bifurcation at {bifurcation.value:g}"
-        )
-    longest = finite_number("step", step, above=0.0, at_most=1.0)
-    most = whole_number("max_points", max_points, at_least=1)
+    low, high = interval_between(lower, upper, bifurcation.value, "the bifurcation at ")
+    longest, most = limits_of(step, max_points)
     exact = branch.point_map.with_params(**{branch.parameter: bifurcation.value})
     start = _born(exact, branch, bifurcation, high - low)
     if start is None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
-from enum import IntEnum
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,9 @@ from .._lib.stopping import check_stop
 from ..maps.coordinates import turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
-from ..maps.tangent import tangent
 from ..orbits.lyapunov_qr import exponents_along
 from ..orbits.newton import followed, least_periods, newton, return_distances
+from .atlas_families import AtlasKind, Attractors, Directory
 from .lane_regions import Regions, monodromy_of, regions_around
 
 _PILOTS = 8  # one of so many orbits goes ahead, so that regions are known in which the others converge,
@@ -33,55 +32,6 @@ _STABLE = 1.0 - 1e-6
 _LED = 0.3  # distance of means over orbits within which an attractor leads to its neighbour
 _EXPONENT_PERIODS = 200
 _ZERO = 0.01  # size of an exponent per period that counts as zero
-
-
-class AtlasKind(IntEnum):
-    """Kinds of attractors in an atlas."""
-
-    PERIODIC = 0
-    """Fixed point or periodic orbit."""
-    ROTATING = 1
-    """Periodic up to full rotations of an angle."""
-    QUASIPERIODIC = 2
-    """Orbits that stay bounded, do not close, and have a largest Lyapunov exponent of zero within 0.01 per period."""
-    CHAOTIC = 3
-    """Orbits with a positive Lyapunov exponent; all of one parameter point are counted as one attractor."""
-
-
-@dataclass(frozen=True, eq=False)
-class Attractors:
-    """Attractors of some parameter points, one a row; see :class:`AttractorAtlas` for the columns."""
-
-    place: NDArray[np.int64]
-    kind: NDArray[np.int8]
-    period: NDArray[np.int64]
-    rotations: NDArray[np.int64]
-    point: NDArray[np.float64]
-    centre: NDArray[np.float64]
-    modulus: NDArray[np.float64]
-    count: NDArray[np.int64]
-
-    @classmethod
-    def empty(cls, d: int) -> Attractors:
-        """Return no rows."""
-        whole, states = np.empty(0, np.int64), np.empty((0, d))
-        kinds, turns = np.empty(0, np.int8), np.empty((0, d), np.int64)
-        return cls(whole, kinds, whole, turns, states, np.empty((0, 2 * d)), np.empty(0), whole)
-
-    def __len__(self) -> int:
-        return len(self.place)
-
-    def __getitem__(self, rows: NDArray[np.int64]) -> Attractors:
-        return Attractors(*(getattr(self, f.name)[rows] for f in fields(self)))
-
-    def shifted(self, by: int) -> Attractors:
-        """Return the rows with other numbers of their parameter points."""
-        return replace(self, place=self.place + by)
-
-    @classmethod
-    def joined(cls, *parts: Attractors) -> Attractors:
-        """Put rows one behind the other."""
-        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,29 +169,17 @@ class _Search:
 
     def _known(self, fresh: Attractors) -> NDArray[np.bool_]:
         """Return which attractors have been found before, perhaps from another of their points."""
-        known, found = np.zeros(len(fresh), bool), self.found
-        order = np.argsort(found.place, kind="stable")
-        rows, at = np.arange(len(fresh)), np.searchsorted(found.place[order], fresh.place)
-        while len(rows):
-            there = at < len(order)
-            there[there] = found.place[order[at[there]]] == fresh.place[rows[there]]
-            rows, at = rows[there], at[there]
-            other = order[at]
-            apart = np.abs(found.centre[other] - fresh.centre[rows]).max(axis=-1, initial=0.0)
-            known[rows] |= (apart <= SAME_MEAN) & (found.period[other] == fresh.period[rows])
-            at = at + 1
-        return known
+        species = np.concatenate([self.found.period, fresh.period])
+        known = Directory.of(self.found, species[: len(self.found)], int(species.max()) + 1)
+        return known.nearest(fresh.period, fresh.centre, fresh.place, SAME_MEAN) >= 0
 
     def _rest(self) -> NDArray[np.int64]:
         """Classify the orbits that never converged, by the largest exponent of one at each parameter point."""
         undecided = np.bincount(self.place, minlength=len(self.values))
         first = np.flatnonzero(np.diff(self.place, prepend=-1))
         places, d = self.place[first], self.dimension
-        states, matrices = self.orbits.points[first], np.empty((len(first), _EXPONENT_PERIODS, d, d))
-        for k in range(_EXPONENT_PERIODS):
-            check_stop()
-            images, matrices[:, k] = tangent(self.job.swept, states, 1, d)
-            states = wrap(images, self.job.swept.coordinates)
+        periods = np.full(len(first), _EXPONENT_PERIODS)
+        orbit, matrices, _ = followed(self.job.swept, self.orbits.points[first], periods, d)
         exponents, errors = exponents_along(matrices)
         largest, error = exponents[:, 0], errors[:, 0]
         with np.errstate(invalid="ignore"):
@@ -255,7 +193,7 @@ class _Search:
             kind[rows],
             np.zeros(len(rows), np.int64),
             no_rotations,
-            states[rows, :d],
+            orbit[rows, -1, :d],
             np.zeros((len(rows), 2 * d)),
             np.exp(largest[rows]),
             undecided[places[rows]],

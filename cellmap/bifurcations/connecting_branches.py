@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._lib.checks import finite_number, known_parameter, pair_of, whole_number
+from .._lib.checks import known_parameter, pair_of
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate
 from ..maps.point_map import PointMap
-from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
+from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, both_ways, corrected, trace
 from .connecting_problem import ConnectingProblem, TangencyProblem
 from .connections import ConnectingOrbit, orbit_at, problem_of
-from .parameter_spans import spans
+from .intervals import interval_between, interval_of, limits_of, spans
 
 _BESIDE = 1e-3  # step, scaled, along the branch that tells on which side of a tangency the orbits are
 
@@ -162,9 +162,7 @@ def continue_connection(
     """
     exact = connection._point_map
     known_parameter("parameter", parameter, exact.params)
-    low, high = _interval("lower", "upper", lower, upper, exact.params[parameter])
-    longest = finite_number("step", step, above=0.0, at_most=1.0)
-    most = whole_number("max_points", max_points, at_least=1)
+    (low, high), limits = interval_between(lower, upper, exact.params[parameter]), limits_of(step, max_points)
     points = _points(connection)
     problem, unknowns = problem_of(exact, (parameter,), (high - low,), connection.steps, connection._scale, points)
     start = corrected(problem, unknowns, problem.parameter_direction)
@@ -172,7 +170,9 @@ def continue_connection(
         raise ValueError(f"connection={connection!r}: it is not found again with {parameter} free")
     label, box = f"connecting orbits over {parameter}" if progress else None, Box.of([[low, high]], high - low)
 
-    def side(sign: float) -> tuple[list[SolutionPoint], str, list[Tangency]]:
+    sides: list[list[Tangency]] = []
+
+    def side(begin: SolutionPoint) -> tuple[list[SolutionPoint], str]:
         found = list[Tangency]()
 
         def visit(step: ContinuationStep, may_refuse: bool) -> End | None:
@@ -181,18 +181,18 @@ def continue_connection(
                 found.extend([] if fold is None else [_tangency(exact, problem, fold, parameter)])
             return _end_at_saddles(problem, step)
 
-        begin = replace(start, tangent=sign * start.tangent)
-        return *trace(problem, begin, box, longest, most, label, visit=visit), found
+        sides.append(found)
+        return trace(problem, begin, box, *limits, label, visit=visit)
 
-    (back, first, before), (ahead, last, after) = side(-1.0), side(1.0)
-    every = [*back[:0:-1], *ahead]
+    every, ends = both_ways(side, start)
+    after, *before = sides
     return ConnectionBranch(
         parameter=parameter,
         values=np.clip(np.array([p.unknowns[-1] for p in every]) * (high - low), low, high),
         angles=np.array([problem.angle(p.unknowns) for p in every]),
         points=np.array([problem.states(p.unknowns)[2:, :-1] for p in every]),
-        tangencies=(*before[::-1], *after),
-        ends=(first, last),
+        tangencies=(*(t for found in before for t in found[::-1]), *after),
+        ends=ends,
     )
 
 
@@ -255,30 +255,25 @@ def continue_tangency(
     if one == two:
         raise ValueError(f"parameters={parameters!r}: give two different parameters")
     intervals = [
-        _interval(f"{label}[0]", f"{label}[1]", *pair_of(label, given), exact.params[name])
+        interval_of(label, given, exact.params[name])
         for label, given, name in (("first", first, one), ("second", second, two))
     ]
-    longest = finite_number("step", step, above=0.0, at_most=1.0)
-    most = whole_number("max_points", max_points, at_least=1)
-    spans = tuple(high - low for low, high in intervals)
+    limits = limits_of(step, max_points)
+    lengths = tuple(high - low for low, high in intervals)
     orbit = tangency.orbit
-    orbits, unknowns = problem_of(exact, (one, two), spans, orbit.steps, orbit._scale, _points(orbit))
-    problem = TangencyProblem.at(orbits, unknowns)
+    orbits, unknowns = problem_of(exact, (one, two), lengths, orbit.steps, orbit._scale, _points(orbit))
+    problem = TangencyProblem(orbits)
     start = corrected(problem, unknowns, np.linalg.svd(problem(unknowns)[1])[2][-1])
     if start is None:
         raise ValueError(f"tangency={tangency!r}: it is not found again with both parameters free")
-    box = Box.of(intervals, spans)
+    box = Box.of(intervals, lengths)
     label, visit = f"tangencies over {one} and {two}" if progress else None, partial(_end_at_saddles, problem)
-    (back, first_end), (ahead, last_end) = (
-        trace(problem, replace(start, tangent=sign * start.tangent), box, longest, most, label, visit=visit)
-        for sign in (-1.0, 1.0)
-    )
-    every = [*back[:0:-1], *ahead]
+    every, ends = both_ways(lambda begin: trace(problem, begin, box, *limits, label, visit=visit), start)
     return TangencyCurve(
         parameters=(one, two),
-        values=np.clip(np.array([p.unknowns[-2:] for p in every]) * spans, *np.transpose(intervals)),
+        values=np.clip(np.array([p.unknowns[-2:] for p in every]) * lengths, *np.transpose(intervals)),
         points=np.array([orbits.states(p.unknowns)[2:, :-2] for p in every]),
-        ends=(first_end, last_end),
+        ends=ends,
         coordinates=exact.coordinates,
     )
 
@@ -303,10 +298,3 @@ def _points(orbit: ConnectingOrbit) -> NDArray[np.float64]:
     """Return the points (n, d) of saddles and orbit as the equations have them."""
     d = len(orbit._scale)
     return np.asarray(orbit._unknowns.reshape(-1, d) * orbit._scale)
-
-
-def _interval(below: str, above: str, lower: float, upper: float, value: float) -> tuple[float, float]:
-    low, high = finite_number(below, lower), finite_number(above, upper)
-    if not low <= value <= high or low == high:
-        raise ValueError(f"{below}={lower!r}, {above}={upper!r}: the interval must contain the present value {value:g}")
-    return low, high

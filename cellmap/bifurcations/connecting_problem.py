@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from ..maps.coordinates import difference, turns_of
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
-
-_DIFFERENCE = 1e-5  # of derivatives, in scaled unknowns
+from .singular_orbits import smallest
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +45,11 @@ class ConnectingProblem:
         return np.column_stack([values[: n * d].reshape(n, d), np.tile(values[n * d :], (n, 1))])
 
     def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return residuals and their derivatives by the unknowns."""
-        return self._assembled(unknowns)[:2]
+        """Return residuals and their derivatives by the unknowns, of one orbit or of several."""
+        if unknowns.ndim == 1:
+            return self._assembled(unknowns)[:2]
+        found = [self._assembled(each) for each in unknowns]
+        return np.array([residual for residual, *_ in found]), np.array([slopes for _, slopes, _ in found])
 
     def _assembled(
         self, unknowns: NDArray[np.float64]
@@ -135,34 +137,16 @@ class ConnectingProblem:
 class TangencyProblem:
     """The same equations with two parameters, and the condition that both manifolds touch.
 
-    Where they do, the derivatives by all but the parameters are singular: the bordered system of Govaerts (2000) gives
-    a test function that vanishes there, with its gradient from second derivatives along the null vectors.
+    Where they do, the derivatives by all but the parameters are singular.
     """
 
     orbits: ConnectingProblem
-    left: NDArray[np.float64]
-    right: NDArray[np.float64]
-
-    @classmethod
-    def at(cls, orbits: ConnectingProblem, unknowns: NDArray[np.float64]) -> TangencyProblem:
-        """Set up the equations at a tangency."""
-        n = orbits.points * orbits.dimension
-        left, _, right = np.linalg.svd(orbits(unknowns)[1][:, :n])
-        return cls(orbits, left[:, -1], right[-1])
 
     def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return residuals and their derivatives by the unknowns."""
-        n = self.orbits.points * self.orbits.dimension
         residual, slopes = self.orbits(unknowns)
-        bordered = np.block([[slopes[:, :n], self.left[:, None]], [self.right[None, :], np.zeros((1, 1))]])
-        end = np.append(np.zeros(n), 1.0)
-        along, across = np.linalg.solve(bordered, end), np.linalg.solve(bordered.T, end)
-        # The derivative of w F_x v by the unknowns, with the null vectors v and w held.
-        step = _DIFFERENCE / max(float(np.abs(along[:n]).max()), 1e-300)
-        shift = np.append(step * along[:n], np.zeros(self.orbits.parameters))
-        ahead, behind = self.orbits(unknowns + shift)[1], self.orbits(unknowns - shift)[1]
-        gradient = -across[:n] @ (ahead - behind) / (2.0 * step)
-        return np.append(residual, along[-1]), np.vstack([slopes, gradient])
+        _, size, gradient = smallest(self.orbits, unknowns, slopes[:, : len(residual)])
+        return np.append(residual, size), np.vstack([slopes, gradient])
 
     def has_saddles(self, unknowns: NDArray[np.float64]) -> bool:
         """Return whether both ends are saddles with one unstable multiplier."""

@@ -8,9 +8,10 @@ import numpy as np
 
 from .._lib.signatures import checked
 from ..orbits.arclength import corrected
-from .bifurcation_curve import BifurcationCurve, CurveTracer, interval_of, limits_of
+from .bifurcation_curve import BifurcationCurve, CurveTracer
 from .born_curves import NewCurve, born_curves
 from .codimension_two import CodimensionTwo
+from .intervals import interval_of, limits_of
 from .kinds import BifurcationKind
 from .orbit_births import OrbitBirth
 from .singular_orbits import SingularOrbits

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._lib.checks import affordable_number, claim_memory, finite_number
+from .._lib.checks import affordable_number, claim_memory
 from .._lib.conversions import ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.point_map import PointMap
@@ -16,6 +16,7 @@ from ..orbits.attractor import Attractor
 from ..orbits.orbit_kinds import PeriodicOrbit
 from .crossings import Crossing, CrossingFunctions, MultiplierSource, crossings_on_lines
 from .floquet import linearise, swept_values
+from .intervals import interval_between
 from .orbit_grid import follow_over
 from .stability_curves import BoundaryCurve, linked
 
@@ -179,9 +180,7 @@ def critical_values(
     >>> critical_values(pendulum, [0.0, 0.0], "beta", 0.0, 0.2)
     (CriticalValue(value=0.050027335537, crossing=<Crossing.MINUS_ONE: 1>, below=0, above=1),)
     """
-    low, high = finite_number("lower", lower), finite_number("upper", upper)
-    if not low < high:
-        raise ValueError(f"upper={upper!r}: give a number above lower={lower!r}")
+    low, high = interval_between(lower, upper)
     count = affordable_number("n_points", n_points, 8 * 100, at_least=3)
     linear = linearise(system, equilibrium, (parameter,), _TOLERANCE)
     scan = np.linspace(low, high, count)

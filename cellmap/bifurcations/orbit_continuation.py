@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._lib.checks import finite_number, finite_points, whole_number
+from .._lib.checks import finite_points
 from .._lib.signatures import checked
 from ..maps.point_map import PointMap
 from ..orbits.arclength import SolutionPoint, corrected, tangent_of
@@ -18,6 +18,7 @@ from ..orbits.orbit_kinds import PeriodicOrbit
 from ..orbits.shooting import DIVISIONS, LARGEST_GROWTH, ShootingProblem
 from .branch import Bifurcation, Branch
 from .branch_tracer import LARGE, BranchTracer, Pieces, born_orbit, joined
+from .intervals import interval_between, limits_of
 
 _SMALL = 0.1  # part of the interval that a branch may take to be followed in units of its own
 
@@ -89,19 +90,10 @@ def continue_orbit(
     >>> continue_orbit(logistic, periodic_orbit(logistic, [0.5]), "r", 0.5, 3.5).bifurcations
     (Bifurcation(transcritical at 1, 1 -> 0 unstable), Bifurcation(period doubling at 3, 0 -> 1 unstable))
     """
-    low, high = finite_number("lower", lower), finite_number("upper", upper)
-    if not low < high:
-        raise ValueError(f"upper={upper!r}: give a number above lower={lower!r}")
-    longest, most = (
-        finite_number("step", step, above=0.0, at_most=1.0),
-        whole_number("max_points", max_points, at_least=1),
-    )
+    longest, most = limits_of(step, max_points)
     exact, state, period = begin_orbit(point_map, orbit, parameter)
     value = float(exact.params[parameter])
-    if not low <= value <= high:
-        raise ValueError(
-            f"lower={lower!r}, upper={upper!r}: the interval must contain {parameter}={value:g} of the map"
-        )
+    low, high = interval_between(lower, upper, value, f"{parameter}=")
     own = None if sizes is None else finite_points("sizes", sizes, exact.dimension)
     if own is not None and not (own > 0.0).all():
         raise ValueError(f"sizes={own.tolist()}: give positive numbers")
@@ -177,17 +169,12 @@ def switch_branch(
     >>> switch_branch(fixed, fixed.bifurcations[-1], 1.5, 3.5)
     Branch(period 2, ... points, r from 3.00... to 3.5: period doubling at 3.44948974)
     """
-    low, high = finite_number("lower", lower), finite_number("upper", upper)
-    if not low <= bifurcation.value <= high:
-        raise ValueError(f"lower={lower!r}, upper={upper!r}: the interval must contain the bifurcation {bifurcation!r}")
+    low, high = interval_between(lower, upper, bifurcation.value, "the bifurcation at ")
     if side not in (1, -1):
         raise ValueError(f"side={side!r}: give 1 or -1")
     if bifurcation._branch_direction is None:
         raise ValueError(f"bifurcation={bifurcation!r}: no branch of periodic orbits leaves it")
-    longest, most = (
-        finite_number("step", step, above=0.0, at_most=1.0),
-        whole_number("max_points", max_points, at_least=1),
-    )
+    longest, most = limits_of(step, max_points)
     label = f"continuation in {branch.parameter}" if progress else None
     tracer = BranchTracer(branch.point_map, branch.parameter, bifurcation._problem, (low, high), longest, most, label)
     born = born_orbit(tracer, bifurcation, high - low, side=side)

@@ -97,14 +97,12 @@ class SingularOrbits:
         block = slopes[:, :states].copy()
         if self.kind is BifurcationKind.PERIOD_DOUBLING:
             block[-d:, :d] += 2.0 * np.eye(d)
-        left, sizes, right = np.linalg.svd(block)
-        null = left[:, -1]
-        gradient = _bent(self.orbits, unknowns, null, np.append(right[-1], [0.0, 0.0])[None])
+        null, size, gradient = smallest(self.orbits, unknowns, block)
         if self.kind is BifurcationKind.PITCHFORK:
             broken = null @ (unknowns - self.origin)[:states]
             residual = residual + (broken - null @ residual) * null
             slopes = slopes + np.outer(null, np.append(null, [0.0, 0.0]) - null @ slopes)
-        return np.append(residual, sizes[-1]), np.vstack([slopes, gradient])
+        return np.append(residual, size), np.vstack([slopes, gradient])
 
     def _of_areas(self, unknowns: Vectors, slopes: NDArray[np.float64]) -> tuple[float, Vectors]:
         """Return the smallest singular value of the derivatives of areas, and its gradient (n d + 2,)."""
@@ -127,6 +125,16 @@ def _of_pairs(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
     i, j = np.triu_indices(matrices.shape[-1], 1)
     a, b = matrices[..., i, :], matrices[..., j, :]
     return np.asarray(a[..., i] * b[..., j] - a[..., j] * b[..., i])
+
+
+def smallest(problem: Problem, unknowns: Vectors, block: NDArray[np.float64]) -> tuple[Vectors, float, Vectors]:
+    """Return the left vector of the smallest singular value, that value, and its gradient by the unknowns (n + m,).
+
+    The block (n, n) are derivatives of the residuals by the first n unknowns, up to constants.
+    """
+    left, sizes, right = np.linalg.svd(block)
+    along = np.append(right[-1], np.zeros(len(unknowns) - len(block)))
+    return left[:, -1], float(sizes[-1]), _bent(problem, unknowns, left[:, -1], along[None])[0]
 
 
 def _bent(problem: Problem, unknowns: Vectors, left: Vectors, directions: NDArray[np.float64]) -> NDArray[np.float64]:

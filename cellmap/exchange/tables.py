@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from .._lib.checks import is_sequence, shown
 from ..basins.record import Basins
+from ..bifurcations.atlas_families import AtlasKind
 from ..bifurcations.atlas_record import AttractorAtlas
 from ..bifurcations.bifurcation_curve import BifurcationCurve
 from ..bifurcations.branch import Bifurcation, Branch
 from ..bifurcations.circle_branches import CircleBranch, circle_columns
-from ..bifurcations.coexistence import AtlasKind
 from ..bifurcations.connecting_branches import ConnectionBranch, TangencyCurve
 from ..bifurcations.diagram import BifurcationDiagram
 from ..bifurcations.function_zeros import FunctionZero

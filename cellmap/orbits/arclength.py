@@ -253,6 +253,19 @@ def trace(
     return places, "no convergence"
 
 
+def both_ways(
+    side: Callable[[SolutionPoint], tuple[list[SolutionPoint], str]], start: SolutionPoint
+) -> tuple[list[SolutionPoint], tuple[str, str]]:
+    """Trace a curve from a solution point along its tangent and against it; a closed one once.
+
+    ``side`` traces it one way.  Returns its points, the first ones against the tangent, and the reasons why both ends
+    are there.
+    """
+    ahead, last = side(start)
+    back, first = ([start], last) if last == "closed" else side(replace(start, tangent=-start.tangent))
+    return [*back[:0:-1], *ahead], (first, last)
+
+
 def _following(ahead: Generator[ContinuationStep, bool | None, None], refused: bool) -> ContinuationStep | None:
     try:
         return ahead.send(refused)

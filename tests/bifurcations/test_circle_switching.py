@@ -104,7 +104,7 @@ def test_circles_of_a_doubled_orbit() -> None:
 
 def test_bad_arguments() -> None:
     branch = orbits_of(plane())
-    with pytest.raises(ValueError, match="contains the bifurcation"):
+    with pytest.raises(ValueError, match="must contain the bifurcation"):
         switch_circle(branch, branch.bifurcations[0], 0.1, 0.2)
     logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 2.8}, ("x",))
     doubled = continue_orbit(logistic, periodic_orbit(logistic, [0.6]), "r", 2.5, 3.2)

@@ -12,10 +12,9 @@ import pytest
 
 from cellmap import ForcedSystem, angle, continue_orbit, discrete_map, periodic_orbit
 from cellmap.bifurcations import arnold_tongue, connecting_orbits, floquet_multipliers, switch_branch
-from cellmap.bifurcations.atlas_families import families_of
+from cellmap.bifurcations.atlas_families import AtlasKind, Attractors, families_of
 from cellmap.bifurcations.atlas_record import AttractorAtlas, AttractorFamily
 from cellmap.bifurcations.circle_branches import _locked_rotation
-from cellmap.bifurcations.coexistence import AtlasKind, Attractors
 from cellmap.bifurcations.crossings import Crossing, CrossingFunctions, Matrices
 from cellmap.bifurcations.lane_regions import _metrics
 from cellmap.bifurcations.orbit_grid import _links

@@ -1,0 +1,40 @@
+"""Intervals of parameters and limits of continuations: what users give, checked, and what is shown to them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._lib.checks import finite_number, pair_of, whole_number
+
+
+def limits_of(step: float, max_points: int) -> tuple[float, int]:
+    """Return the longest step and the largest number of points, checked."""
+    return finite_number("step", step, above=0.0, at_most=1.0), whole_number("max_points", max_points, at_least=1)
+
+
+def interval_of(label: str, given: tuple[float, float], value: float) -> tuple[float, float]:
+    """Return the interval of a parameter, which contains its present value."""
+    ends = pair_of(label, given)
+    low, high = (finite_number(f"{label}[{k}]", end) for k, end in enumerate(ends))
+    if not low <= value <= high or low == high:
+        raise ValueError(f"{label}={given!r}: give an interval that contains the present value {value:g}")
+    return low, high
+
+
+def interval_between(
+    lower: float, upper: float, value: float | None = None, what: str = "the present value "
+) -> tuple[float, float]:
+    """Return the ends of an interval of parameter values, which contains one of them if that is given."""
+    low, high = finite_number("lower", lower), finite_number("upper", upper)
+    if not low < high:
+        raise ValueError(f"upper={upper!r}: give a number above lower={lower!r}")
+    if value is not None and not low <= value <= high:
+        raise ValueError(f"lower={lower!r}, upper={upper!r}: the interval must contain {what}{value:g}")
+    return low, high
+
+
+def spans(parameters: tuple[str, ...], values: NDArray[np.float64]) -> str:
+    """Return the intervals of the parameters in which values (n, m) lie, in words."""
+    columns = zip(parameters, values.T, strict=True)
+    return ", ".join(f"{name} from {column.min():.6g} to {column.max():.6g}" for name, column in columns)
