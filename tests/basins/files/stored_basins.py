@@ -10,9 +10,20 @@ import numpy as np
 from known_basins import assert_same_record
 
 import systems
-from cellmap import Basins, CellGrid, discrete_map, find_basins, interpolated_map, stroboscopic_map
+from cellmap import (
+    Basins,
+    CellGrid,
+    ForcedSystem,
+    discrete_map,
+    find_basins,
+    interpolated_map,
+    section_map,
+    stroboscopic_map,
+)
 
 GRID = CellGrid((-pi, -100.0), (pi, 100.0), (24, 20))
+
+van_der_pol = ForcedSystem(lambda t, x, p: (x[1], p.mu * (1 - x[0] ** 2) * x[1] - x[0]), {"mu": 1.0}, 6.0, ("x", "v"))
 
 
 def pendulum(**parameters: float):
@@ -36,6 +47,9 @@ CASES = {
     "undecided": lambda: find_basins(pendulum(damping=0.0), [[0.1, 1.0], [1.0, 2.0]], max_periods=3),
     "quasi-periodic": lambda: find_basins(
         discrete_map(lambda x, p: (2.1 * x[0] * (1 - x[1]), x[0]), {}, ("x", "y")), CellGrid((0, 0), (1, 1), (20, 20))
+    ),
+    "limit cycle, unknown grazing distance": lambda: find_basins(
+        section_map(van_der_pol, ("v", 0.0, -1)), CellGrid((0.1,), (3.0,), (9,))
     ),
     "no parameters": lambda: find_basins(
         discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",)), CellGrid((-1,), (1,), (9,))
