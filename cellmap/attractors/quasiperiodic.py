@@ -54,6 +54,7 @@ def quasiperiodic_attractors(
     extent: NDArray[np.float64],
     age: int,
     known: Sequence[Attractor] = (),
+    slow: bool = True,
 ) -> Found:
     """Return the invariant circles to which orbits of some age come, verified to attract.
 
@@ -63,6 +64,8 @@ def quasiperiodic_attractors(
     and a tube around the curve is seen to contract.  The boxes of this tube are the trapping region.
 
     Orbits with two zero exponents are tried as tori of two frequencies, in the same way.
+
+    Orbits that drift slowly along a curve are followed for much longer than they have lasted, if `slow`.
 
     An autonomous system is sampled in steps that are not those of the map, which may close its cycle after a few.
     """
@@ -82,7 +85,7 @@ def quasiperiodic_attractors(
             continue
         if creeping(exact, before.points, extent).found[0] or not _may_attract(exact, before):
             continue
-        attractor = _on_curves(exact, before.points[0], extent, age, found)
+        attractor = _on_curves(exact, before.points[0], extent, age, found, slow)
         if attractor is None and exact.dimension > 2 and not len(found.cycles):
             attractor = _on_torus(exact, before.points[0], extent)
         if attractor is not None and len(_outside(attractor.points[:1], attractors, exact)):
@@ -117,7 +120,7 @@ def _may_attract(exact: PointMap, orbits: Orbits) -> bool:
 
 
 def _on_curves(
-    exact: PointMap, state: NDArray[np.float64], extent: NDArray[np.float64], age: int, found: Found
+    exact: PointMap, state: NDArray[np.float64], extent: NDArray[np.float64], age: int, found: Found, slow: bool
 ) -> Attractor | None:
     system = _autonomous(exact)
     sampled = exact
@@ -125,7 +128,7 @@ def _on_curves(
         s = exact.specified
         assert isinstance(s, Stroboscopic)
         sampled = flow_map(system, _GOLDEN * exact.period, s.rtol, s.atol, s.method, s.max_steps)
-    fitted, period = fitted_circle(sampled, state, extent, age)
+    fitted, period = fitted_circle(sampled, state, extent, age, slow)
     if fitted is None:
         if period and system is None:
             found.cycles.append((state, period))

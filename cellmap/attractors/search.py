@@ -193,7 +193,8 @@ def sort_out(
     """Find new attractors from orbits that are left, until a look finds none.
 
     Returns the rest, all attractors, and on which of them each orbit is.  A patient search ends as soon as it finds
-    attractors to which most of the orbits have come; the last one looks for longer cycles on which orbits rest.
+    attractors to which most of the orbits have come; the last one looks for longer cycles on which orbits rest, and
+    for circles along which they drift slowly.
     """
     owners, rows = np.full(len(orbits), Label.UNDECIDED), np.arange(len(orbits))
     for _ in range(_LOOKS):
@@ -204,7 +205,7 @@ def sort_out(
         others = orbits.points[Catalogue.of(fresh, point_map).owners_of(orbits.points) < 0]
         fresh += sticking_sets(point_map, others, extent, attractors)
         if not fresh and (age >= _MATURE or not patient):
-            fresh = curves_and_cycles(point_map, orbits.points, attractors, extent, examined, age)
+            fresh = curves_and_cycles(point_map, orbits.points, attractors, extent, examined, age, slow=last)
         if not fresh and (age >= _MATURE or not patient):
             closed = closed_orbits(point_map, orbits.points, extent, max_period, _LONGEST_AT_REST if last else 0)
             fresh = verified_cycles(point_map, closed, attractors, extent, examined)
@@ -291,9 +292,10 @@ def curves_and_cycles(
     extent: NDArray[np.float64],
     examined: Examined,
     age: int,
+    slow: bool,
 ) -> list[Attractor]:
     """Return invariant circles to which orbits come, and the long cycles that they turned out to be on instead."""
-    found = quasiperiodic_attractors(point_map, states, extent, age, known)
+    found = quasiperiodic_attractors(point_map, states, extent, age, known, slow)
     return found.attractors + verified_cycles(point_map, found.cycles, [*known, *found.attractors], extent, examined)
 
 

@@ -15,7 +15,9 @@ from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 
 _STAGES = ((512, 16), (2048, 64), (8192, 256))  # points of the orbit, and harmonics, one attempt after the other
-_SLOW_STAGES = ((32768, 64), (131072, 64))  # the same for orbits that drift slowly along a curve, near a resonance
+_SLOW_STAGES = tuple((1 << k, 64) for k in range(10, 18))  # the same for orbits that drift slowly, near a resonance
+_SLOW_FITS = 32768  # points, and more, of which curves are fitted then
+_AT_REST = 1e-3  # way in the last quarter, in units of that in the first, of an orbit that comes to rest after all
 _RESONANCES = 64  # denominators up to which resonances are tried
 _DRIFT = 0.02  # largest way in as many steps, in units of the region, of an orbit that drifts slowly,
 _LASTING = 0.1  # and the least of its mean in the last quarter, in units of that in the first
@@ -88,7 +90,7 @@ class FittedCircle:
 
 
 def fitted_circle(
-    point_map: PointMap, state: NDArray[np.float64], extent: NDArray[np.float64], age: int
+    point_map: PointMap, state: NDArray[np.float64], extent: NDArray[np.float64], age: int, slow: bool = True
 ) -> tuple[FittedCircle | None, int]:
     """Return the invariant circle to which an orbit comes; else None, and a period after which it all but closes.
 
@@ -96,28 +98,40 @@ def fitted_circle(
     follows from its closest returns.  If this makes a curve, it gets a Fourier series, which has to satisfy the
     equation of invariance at phases between those of the orbit.  Four and sixteen times as many points follow, from
     where the orbit is then, as long as the error falls.  Near a resonance, where the orbit is on small parts of the
-    curve along which it drifts slowly, orbits are as long as it takes to come round, up to 131,072 points.  The period
-    is 0 where nothing hints at one.
+    curve along which it drifts slowly, orbits are as long as it takes to come round, up to 131,072 points, if `slow`
+    orbits are wanted.  The period is 0 where nothing hints at one.
     """
     orbits = Orbits.starting(state[None].copy())
     best: FittedCircle | None = None
     longest = min(1 << max(age - 1, 1).bit_length(), _STAGES[-1][0])
-    stages, slow = list(_STAGES), False
+    stages, near = list(_STAGES), None
     while stages:
         least, harmonics = stages.pop(0)
-        number = least if slow else max(least, longest)
-        history, rotations = recorded_orbit(point_map, orbits, number)
+        if near is None:
+            history, rotations = recorded_orbit(point_map, orbits, max(least, longest))
+        elif least <= len(history):
+            continue
+        else:
+            more = recorded_orbit(point_map, orbits, least - len(history))
+            history, rotations = np.concatenate([history, more[0]]), np.concatenate([rotations, more[1]])
         if not orbits.alive.all():
             return None, 0
         # On a longer orbit points come as close by chance.
         period = _return(history[-_STAGES[-1][0] :], point_map, extent)
         if period:
             return None, period
+        if near is not None:
+            near = near.later(history, point_map, extent)
+            if near is None or _ROUNDS * near.round > _SLOW_STAGES[-1][0]:
+                break
+            if len(history) < max(_SLOW_FITS, _ROUNDS * near.round):
+                continue
         fitted, coarse = _fit(point_map, history, rotations, harmonics)
         if fitted is None:
-            if not slow and (not coarse or not stages):
-                slow, near = True, resonance_of(history, point_map, extent)
-                stages = [] if near is None else [s for s in _SLOW_STAGES if s[0] >= _ROUNDS * near.round]
+            if near is None and (not coarse or not stages):
+                near = resonance_of(history, point_map, extent) if slow else None
+                far = near is None or _ROUNDS * near.round > _SLOW_STAGES[-1][0]
+                stages = [] if far else list(_SLOW_STAGES)
             continue
         if best is not None and fitted.circle.invariance_error > 0.5 * best.circle.invariance_error:
             break
@@ -173,6 +187,11 @@ class Resonance:
     round: float
     numbers: tuple[float, ...] = ()
 
+    def later(self, history: NDArray[np.float64], point_map: PointMap, extent: NDArray[np.float64]) -> Resonance | None:
+        """Return the same of a longer orbit, which may pass parts of the curve quickly; None where it comes to rest."""
+        ways = np.linalg.norm(_shift(history, self.denominator, point_map, extent), axis=1)
+        return _drifting(self.denominator, ways, history, point_map, extent, _AT_REST)
+
 
 def resonance_of(
     history: NDArray[np.float64], point_map: PointMap, extent: NDArray[np.float64], lasting: float = _LASTING
@@ -181,18 +200,35 @@ def resonance_of(
 
     It may drift unevenly, but must not slow down as an orbit does that comes to rest.
     """
-    size = 2.0 * float((curve_size(history, point_map.coordinates) / extent).max())
     for q in range(1, min(_RESONANCES, len(history) // 8) + 1):
-        shift = difference(history[q:], history[:-q], point_map.coordinates) / extent
+        shift = _shift(history, q, point_map, extent)
         ways = np.linalg.norm(shift, axis=1)
-        if ways.max() > _DRIFT:
-            continue
-        quarter, mean = len(ways) // 4, float(ways.mean())
-        goes_on = ways[-quarter:].mean() > lasting * ways[:quarter].mean() and mean > _SEEN
-        steady = goes_on and ((shift[q:] * shift[:-q]).sum(axis=1) > 0.0).all()
-        # Each of q parts of the orbit drifts over as much of the curve until it comes to where the next one was.
-        return Resonance(q, size / mean) if steady else None
+        if ways.max() <= _DRIFT:
+            steady = ((shift[q:] * shift[:-q]).sum(axis=1) > 0.0).all()
+            return _drifting(q, ways, history, point_map, extent, lasting) if steady else None
     return None
+
+
+def _shift(
+    history: NDArray[np.float64], q: int, point_map: PointMap, extent: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return where each point of an orbit is q steps later, as seen from it."""
+    return np.asarray(difference(history[q:], history[:-q], point_map.coordinates) / extent)
+
+
+def _drifting(
+    q: int,
+    ways: NDArray[np.float64],
+    history: NDArray[np.float64],
+    point_map: PointMap,
+    extent: NDArray[np.float64],
+    lasting: float,
+) -> Resonance | None:
+    quarter, mean = len(ways) // 4, float(ways.mean())
+    if not (ways[-quarter:].mean() > lasting * ways[:quarter].mean() and mean > _SEEN):
+        return None
+    # Each of q parts of the orbit drifts over as much of the curve until it comes to where the next one was.
+    return Resonance(q, 2.0 * float((curve_size(history, point_map.coordinates) / extent).max()) / mean)
 
 
 def drift(point_map: PointMap, state: NDArray[np.float64], extent: NDArray[np.float64]) -> Resonance | None:

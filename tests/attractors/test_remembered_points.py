@@ -70,14 +70,16 @@ def test_boxes_around_a_continuum_are_listed_once():
 def test_curves_are_looked_for_at_the_end_or_where_orbits_are_mature(monkeypatch, age, patient, looked_for):
     """A rigid rotation, of which no orbit settles: a search that goes on waits for 64 periods."""
     calls = []
-    monkeypatch.setattr(search, "curves_and_cycles", lambda *_: calls.append("curves") or [])
+    monkeypatch.setattr(search, "curves_and_cycles", lambda *_, slow: calls.append(f"slow {slow}") or [])
     monkeypatch.setattr(search, "continua", lambda *_: calls.append("continua") or [])
     turning = discrete_map(lambda x, p: (x[0] + 1.0,), {}, (angle("a"),))
     orbits, extent = Orbits.starting(np.array([[0.1], [2.0]])), np.array([2 * pi])
     examined = Examined.nothing_yet(turning, extent)
-    left, found, *_ = search.sort_out(turning, orbits, [], 4, extent, age, examined, patient=patient)
-    assert calls == (["curves", "continua"] if looked_for else [])
-    assert len(left) == 2 and found == []
+    for last in (False, True):
+        calls.clear()
+        left, found, *_ = search.sort_out(turning, orbits, [], 4, extent, age, examined, patient=patient, last=last)
+        assert calls == ([f"slow {last}", "continua"] if looked_for else [])
+        assert len(left) == 2 and found == []
 
 
 def test_each_closed_orbit_is_looked_at():
