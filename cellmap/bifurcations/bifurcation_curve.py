@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -242,10 +243,13 @@ class CurveTracer:
             problem, start, self._box, self.longest, self.most, label, orbits.growing, orbits.circles, self._end
         )
 
-    def _end(self, step: ContinuationStep, may_refuse: bool) -> End | None:
+    def _end(self, step: ContinuationStep, may_refuse: bool) -> End | Literal["refused"] | None:
         """Return why the curve ends on a step, None where it goes on."""
         problem = self.problem
-        if self.birth and (why := self.birth.end(step.begin, step.end)):
+        why = self.birth.end(step.begin, step.end) if self.birth else ""
+        if why == "refused" and may_refuse:
+            return "refused"
+        if why not in ("", "refused"):
             return End(why)
         if not isinstance(problem, SingularOrbits):
             return None

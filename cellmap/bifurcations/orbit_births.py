@@ -69,13 +69,16 @@ class OrbitBirth:
         return complex(-0.5 * self.left @ moved), -0.5 * self.left @ slopes
 
     def end(self, first: SolutionPoint, second: SolutionPoint) -> str:
-        """Return why a curve ends on a step on which new orbits shrink to an old one; empty where they do not."""
+        """Return why a curve ends on a step on which new orbits shrink to an old one; empty where they do not.
+
+        It is "refused" where they may have shrunk, and grown on the other side, on a step too long to tell.
+        """
         one, two = self.distance(first.unknowns)[0], self.distance(second.unknowns)[0]
-        shrinks = (one * two.conjugate()).real < _ARRIVED * abs(one) ** 2 and max(abs(one), abs(two)) < _PASSED
-        if not shrinks and abs(two) > _ARRIVED:
-            return ""
-        near = min(float(np.linalg.norm(place.unknowns - self.origin)) for place in (first, second))
-        return self.name if near < _PASSED else "met orbits of the shorter period"
+        shrinks, near = (one * two.conjugate()).real < _ARRIVED * abs(one) ** 2, max(abs(one), abs(two)) < _PASSED
+        if not (shrinks and near) and abs(two) > _ARRIVED:
+            return "refused" if shrinks else ""
+        away = min(float(np.linalg.norm(place.unknowns - self.origin)) for place in (first, second))
+        return self.name if away < _PASSED else "met orbits of the shorter period"
 
     def bifurcations(self, problem: SingularOrbits, count: int) -> list[SolutionPoint]:
         """Return at least some number of bifurcations of new orbits near the old one, of the kind of a problem.
