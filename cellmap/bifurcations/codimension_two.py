@@ -25,11 +25,10 @@ from .located_forms import Tensors, forms_along
 from .normal_forms import Reduction, coefficient
 from .singular_orbits import SingularOrbits
 
-_AT_PLACE = 1e-8  # part of its value at a neighbour that a test function may have where it vanishes
+_CONVERGED = 1e-12  # last step of Newton's method
 _CLOSE = 0.1  # distance, scaled, of a point from where it is expected
 _DISPLACED = 1e-5  # in scaled unknowns, between test functions whose derivatives are wanted
 _ITERATIONS = 10
-_SMALL = 1e-3  # the same after a zero has been located
 _SINGULAR = 1e-10  # determinant of I - M, below which a multiplier is 1
 _REAL = 1e-6  # imaginary part of multipliers that are taken for real
 _RESONANT = 1e-3  # distance of the cube of a multiplier from 1 at which terms that cancel leave rounding alone
@@ -146,18 +145,13 @@ def points_on(
                 part = ContinuationStep(problem, begin, end, float(begin.tangent @ (end.unknowns - begin.unknowns)))
                 for kind in (kind for kind in here & known.keys() & after.keys() if known[kind] == k):
                     values = own[k][kind].value, after[kind].value
-                    size = max(map(abs, values))
-                    at_begin, at_end = (abs(value) <= _AT_PLACE * size for value in values)
-                    if at_begin or at_end:
-                        found[j if at_end else k, 0.0, kind] = end if at_end else begin
-                    elif values[0] * values[1] < 0.0:
-                        double = kind is CodimensionTwoKind.DOUBLE_NEIMARK_SACKER
-                        test = functools.partial(tests.at, frame=frame, kind=kind)
-                        guess = part.interpolated(values[0] / (values[0] - values[1]))
-                        place = tests.double(guess) if double else part.located(test)
-                        # A test function changes its sign at a pole as well.
-                        if place is not None and abs(test(place)) < _SMALL * size:
-                            found[k, abs(part.along(place.unknowns)), kind] = place
+                    test = functools.partial(tests.at, frame=frame, kind=kind)
+                    double = kind is CodimensionTwoKind.DOUBLE_NEIMARK_SACKER
+                    place = part.zero(test, values, functools.partial(tests.double, part, values) if double else None)
+                    if place is end:
+                        found[j, 0.0, kind] = end
+                    elif place is not None:
+                        found[k, abs(part.along(place.unknowns)), kind] = place
             known |= dict.fromkeys(here, j)
             tick(1)
     last = len(places) - 2
@@ -296,11 +290,12 @@ class _Tests:
             found[_DEGENERATE[_TORUS]] = _TestValue(reduced.coefficient.real * factor, _ROUNDING * terms)
         return found
 
-    def double(self, guess: SolutionPoint) -> SolutionPoint | None:
+    def double(self, part: ContinuationStep, values: tuple[float, float]) -> SolutionPoint | None:
         """Return where two pairs of multipliers are on the unit circle, by Newton's method; None where not close by.
 
         Two curves intersect there, and the equations of neither of them are regular.
         """
+        guess = part.interpolated(values[0] / (values[0] - values[1]))
         orbits, here = self.problem.orbits, guess.unknowns
         offsets = _DISPLACED * np.eye(len(here))
         for _ in range(_ITERATIONS):
@@ -313,7 +308,7 @@ class _Tests:
                 return None
             change = np.linalg.lstsq(matrix, sides, rcond=None)[0]
             here = here - change
-            if np.linalg.norm(change) < _AT_PLACE**1.5:
+            if np.linalg.norm(change) < _CONVERGED:
                 return replace(guess, unknowns=here) if np.linalg.norm(here - guess.unknowns) < _CLOSE else None
         return None
 

@@ -19,10 +19,6 @@ from .period_measures import OrbitFunction, Quantity, as_functions, measured
 _SHIFT = 3e-4  # distance, scaled, of the orbits by whose differences slopes are computed
 _CORRECTIONS = 3  # of Newton's method, after which an orbit closes to rounding
 _FINEST = 1e-12  # tolerance of the integration of functions that are differentiated
-_AT_PLACE, _SMALL = (
-    1e-8,
-    1e-3,
-)  # part of its value at a neighbour that a function has where it is zero, before and after
 _FLAT, _ROUNDING = 1e-8, 1e-12  # changes of a function relative to its size, and values relative to states, of rounding
 _BESIDE = 2  # steps without a change between those on which a function grows and falls
 
@@ -135,15 +131,11 @@ def zeros_on(
             length = float(np.linalg.norm(chord))
             begin, end = (SolutionPoint(u, np.empty((0, 0)), chord / length) for u in unknowns[k : k + 2])
             ends = (test(begin), test(end)) if function.extremum else own[k : k + 2].tolist()
-            size, place = max(map(abs, ends)), None
-            if abs(ends[0]) <= _AT_PLACE * size or abs(ends[1]) <= _AT_PLACE * size:
-                number, guess = (k, begin) if abs(ends[0]) < abs(ends[1]) else (k + 1, end)
-                place = None if number in seen else corrected(problem, guess.unknowns, guess.tangent)
+            place = ContinuationStep(problem, begin, end, length).zero(test, ends)
+            if place is begin or place is end:
+                number = k if place is begin else k + 1
+                place = None if number in seen else corrected(problem, place.unknowns, place.tangent)
                 seen.add(number)
-            elif ends[0] * ends[1] < 0.0:
-                place = ContinuationStep(problem, begin, end, length).located(test)
-                # A function changes its sign at a jump as well, such as the branch cut of an angle.
-                place = place if place is not None and abs(test(place)) < _SMALL * size else None
             if place is not None:
                 state, d = orbits.once(place.unknowns * orbits.scale), orbits.dimension
                 point, factors = wrap(state[:d], orbits.point_map.coordinates), problem.multipliers(place)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -25,6 +25,7 @@ _SHORTEST = 1e-9
 _REPEATED = 0.43  # no power of it leads back to round numbers
 _ALIGNED = 0.9  # cosine of the angle between tangents of one curve at one place
 _REFUSALS = 6  # halvings of a step that is refused, or on which the edge of the box is not located
+_AT_END, _LOCATED = 1e-8, 1e-3  # part of its largest value that a test function has where it is zero: at an end, within
 _SLACK = 1e-13  # relative distance from the edge of a box that counts as rounding
 
 
@@ -80,6 +81,10 @@ def tangent_of(derivatives: NDArray[np.float64], along: NDArray[np.float64]) -> 
     return found / length if np.isfinite(length) else None
 
 
+Test = Callable[[SolutionPoint], float]
+"""Function of solution points whose zeros are of interest."""
+
+
 @dataclass(frozen=True, eq=False)
 class ContinuationStep:
     """A step along a curve from one solution point to the next, `length` along the tangent of the first."""
@@ -99,7 +104,7 @@ class ContinuationStep:
         begin, end = self.begin, self.end
         return replace(begin, unknowns=begin.unknowns + share * (end.unknowns - begin.unknowns))
 
-    def located(self, test: Callable[[SolutionPoint], float]) -> SolutionPoint | None:
+    def located(self, test: Test) -> SolutionPoint | None:
         """Return the solution point between the ends at which a test function changes its sign."""
         from scipy.optimize import brentq
 
@@ -113,6 +118,24 @@ class ContinuationStep:
             return self.at(brentq(value, 0.0, self.length, xtol=1e-15, rtol=1e-14))
         except (FloatingPointError, ValueError):
             return None
+
+    def zero(
+        self, test: Test, values: Sequence[float], locate: Callable[[], SolutionPoint | None] | None = None
+    ) -> SolutionPoint | None:
+        """Return the solution point at which a test function is zero that has some values at both ends.
+
+        It is an end where the function is rounding beside its value at the other one.  A function changes its sign at a
+        pole as well, and at a jump, where it is not zero.  ``locate`` replaces :meth:`located` where that cannot work.
+        """
+        size = max(map(abs, values))
+        if abs(values[1]) <= _AT_END * size:
+            return self.end
+        if abs(values[0]) <= _AT_END * size:
+            return self.begin
+        if not values[0] * values[1] < 0.0:
+            return None
+        place = self.located(test) if locate is None else locate()
+        return place if place is not None and abs(test(place)) < _LOCATED * size else None
 
     def along(self, unknowns: NDArray[np.float64]) -> float:
         """Return how far along the tangent unknowns are."""
