@@ -16,6 +16,7 @@ from ..maps.coordinates import Coordinate, wrap
 from ..maps.point_map import PointMap
 from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, both_ways, corrected, trace
 from ..orbits.orbit_equations import OrbitProblem, orbit_problem
+from ..orbits.orbit_kinds import PeriodicOrbit
 from ..orbits.shooting import ShootingProblem
 from .branch import Bifurcation, Branch
 from .codimension_two import CodimensionTwo, cosine_of_pair, points_on
@@ -81,6 +82,14 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
     def measure(self, quantity: Quantity = 0, measure: str | None = "maximum") -> NDArray[np.float64]:
         """Return a measure of each orbit over its period, shape (n,); see :meth:`Branch.measure`."""
         return measured(self.point_map, self.parameters, self.values, self.points, self.period, quantity, measure)
+
+    @checked
+    def orbit(self, place: int) -> PeriodicOrbit:
+        """Return the orbit at a point of the curve, by its number, with all parameters in its `params`."""
+        place = whole_number("place", place, at_most=len(self._places) - 1)
+        found = self._problem.orbits.orbit_at(self._places[place].unknowns)
+        values = zip(self.parameters, self.values[place].tolist(), strict=True)
+        return replace(found, params={**found.params, **dict(values)})
 
     @checked
     def with_zeros(self, functions: Mapping[str, Quantity | OrbitFunction]) -> BifurcationCurve:

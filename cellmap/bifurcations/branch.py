@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .._lib.checks import finite_number
+from .._lib.checks import finite_number, whole_number
 from .._lib.computed import computed_once
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
@@ -61,6 +61,11 @@ class Bifurcation:
         None where several multipliers cross together, and where deviations grow by more than 1e6 in a period.
         """
         return form_at(self._problem, self._unknowns, self.kind)
+
+    @property
+    def orbit(self) -> PeriodicOrbit:
+        """The orbit, with all parameters in its `params`."""
+        return self._problem.orbit_at(self._unknowns)
 
     def __repr__(self) -> str:
         return f"Bifurcation({self.kind} at {self.value:.12g}, {self.before} -> {self.after} unstable)"
@@ -171,6 +176,14 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         return measured(self.point_map, (self.parameter,), values, points, self.period, quantity, measure)
 
     @checked
+    def orbit(self, place: int) -> PeriodicOrbit:
+        """Return the orbit at a point of the branch, by its number, with all parameters in its `params`."""
+        place = whole_number("place", place, at_most=len(self.values) - 1)
+        part = next(p for p in self._parts if place < p.first + len(p.unknowns))
+        found = part.problem.orbit_at(part.unknowns[place - part.first] / part.problem.scale)
+        return replace(found, params={**found.params, self.parameter: float(self.values[place])})
+
+    @checked
     def with_zeros(self, functions: Mapping[str, Quantity | OrbitFunction]) -> Branch:
         """Return the branch with the zeros and extreme values of functions of its orbits, which become its `zeros`.
 
@@ -237,10 +250,9 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         passed = (sides[:-1] != sides[1:]) & ((sides[1:] != 0) | (np.arange(1, len(sides)) == len(sides) - 1))
         for k in np.flatnonzero(passed):
             share = (value - self.values[k]) / (self.values[k + 1] - self.values[k])
-            exact = self.point_map.with_params(**{self.parameter: value})
             part = next(p for p in self._parts if k < p.first + len(p.unknowns) - 1)
             begin, end = part.unknowns[k - part.first : k - part.first + 2]
-            orbit = part.problem.orbit_between(begin, end, float(share), exact, value)
+            orbit = part.problem.orbit_between(begin, end, float(share), value)
             if orbit is not None:
                 found.append(orbit)
         return tuple(found)

@@ -17,6 +17,7 @@ from ..maps.coordinates import wrap
 from ..maps.multilinear import MultilinearForms
 from ..orbits.arclength import ContinuationStep, SolutionPoint
 from ..orbits.multipliers import multipliers_along, pair_on_circle
+from ..orbits.orbit_kinds import PeriodicOrbit
 from .born_curves import NewCurve, born_curves
 from .codimension_two_forms import CodimensionTwoForm, form_of_two
 from .homological import Centre, cycle_matrix
@@ -96,6 +97,11 @@ class CodimensionTwo:
     place: int
     _problem: SingularOrbits = field(repr=False)
     _unknowns: NDArray[np.float64] = field(repr=False)
+
+    @property
+    def orbit(self) -> PeriodicOrbit:
+        """The orbit, with all parameters in its `params`."""
+        return self._problem.orbits.orbit_at(self._unknowns)
 
     @computed_once
     def normal_form(self) -> CodimensionTwoForm | None:

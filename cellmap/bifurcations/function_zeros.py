@@ -14,6 +14,7 @@ from ..maps.coordinates import wrap
 from ..orbits.arclength import ContinuationStep, SolutionPoint, corrected
 from ..orbits.multipliers import unstable_count
 from ..orbits.orbit_equations import OrbitProblem
+from ..orbits.orbit_kinds import PeriodicOrbit
 from .period_measures import OrbitFunction, Quantity, as_functions, measured
 
 _SHIFT = 3e-4  # distance, scaled, of the orbits by whose differences slopes are computed
@@ -64,6 +65,11 @@ class FunctionZero:
     def unstable(self) -> int:
         """Number of multipliers outside the unit circle."""
         return int(unstable_count(self.multipliers))
+
+    @property
+    def orbit(self) -> PeriodicOrbit:
+        """The orbit, with all parameters in its `params`."""
+        return self._problem.orbit_at(self._unknowns)
 
     def __repr__(self) -> str:
         where = ", ".join(f"{n}={v:.10g}" for n, v in zip(self.parameters, self.values.tolist(), strict=True))

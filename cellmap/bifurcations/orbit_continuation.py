@@ -18,6 +18,8 @@ from ..orbits.orbit_kinds import PeriodicOrbit
 from ..orbits.shooting import DIVISIONS, LARGEST_GROWTH, ShootingProblem
 from .branch import Bifurcation, Branch
 from .branch_tracer import LARGE, BranchTracer, Pieces, born_orbit, joined
+from .codimension_two import CodimensionTwo
+from .function_zeros import FunctionZero
 from .intervals import interval_between, limits_of
 
 _SMALL = 0.1  # part of the interval that a branch may take to be followed in units of its own
@@ -26,7 +28,7 @@ _SMALL = 0.1  # part of the interval that a branch may take to be followed in un
 @checked
 def continue_orbit(
     point_map: PointMap,
-    orbit: PeriodicOrbit | Attractor,
+    orbit: PeriodicOrbit | Attractor | Bifurcation | FunctionZero | CodimensionTwo,
     parameter: str,
     lower: float,
     upper: float,
@@ -49,8 +51,10 @@ def continue_orbit(
     ----------
     point_map : PointMap
         The map at the parameters of the orbit; for an interpolated map, its exact map is used.
-    orbit : PeriodicOrbit or Attractor
-        Initial orbit, from :func:`periodic_orbit`, :func:`find_periodic_orbits` or :func:`find_attractors`.
+    orbit : PeriodicOrbit, Attractor, Bifurcation, FunctionZero or CodimensionTwo
+        Initial orbit, from :func:`periodic_orbit`, :func:`find_periodic_orbits` or :func:`find_attractors`; or a
+        bifurcation, a zero of a function or a point of codimension two of a branch or curve of this map, at whose
+        parameters the new branch begins.
     parameter : str
         Name of the parameter.
     lower, upper : float
@@ -91,6 +95,9 @@ def continue_orbit(
     (Bifurcation(transcritical at 1, 1 -> 0 unstable), Bifurcation(period doubling at 3, 0 -> 1 unstable))
     """
     longest, most = limits_of(step, max_points)
+    if not isinstance(orbit, PeriodicOrbit | Attractor):
+        orbit = orbit.orbit
+        point_map = point_map.without_table.with_params(**orbit.params)
     exact, state, period = begin_orbit(point_map, orbit, parameter)
     value = float(exact.params[parameter])
     low, high = interval_between(lower, upper, value, f"{parameter}=")

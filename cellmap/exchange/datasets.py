@@ -28,6 +28,7 @@ from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Status
 from ..orbits.exponent_fields import ExponentField
 from .attractor_group import attractor_group
+from .branch_records import solutions_of
 from .conventions import about, coordinate_attributes, enum_flags, flags, variable_names
 from .optional import xarray_package
 from .tables import columns_of, function_columns
@@ -55,7 +56,8 @@ Branch, BifurcationCurve, CircleBranch, ConnectionBranch or TangencyCurve
     xarray.DataTree or xarray.Dataset
         A tree for results with attractors, which are its group ``"attractors"``; else a Dataset.  Arrays are not
         copied.  Its method `to_netcdf` writes it to a file, which ``xarray.open_datatree`` or ``xarray.open_dataset``
-        reads; :func:`from_xarray` makes the result again of all but atlases, branches and curves.
+        reads; :func:`from_xarray` makes the result again of all but atlases, branches of circles and
+        connecting orbits, and curves of functions and tangencies.
 
     Raises
     ------
@@ -261,7 +263,13 @@ def _(result: Branch | BifurcationCurve | CircleBranch | ConnectionBranch | Tang
         for name, values in zip(names, columns.values(), strict=True)
     }
     ends = {} if isinstance(result, CircleBranch) else {"ends": ", ".join(result.ends)}
-    return xarray_package().Dataset(variables, attrs=about(result, type(result).__name__, **ends))
+    coords: dict[str, Any] = {}
+    if isinstance(result, Branch | BifurcationCurve):
+        coords, further = solutions_of(result)
+        ends |= further
+    if isinstance(result, BifurcationCurve):
+        ends["kind"] = str(result.kind)
+    return xarray_package().Dataset(variables, coords, about(result, type(result).__name__, **ends))
 
 
 @_converted.register

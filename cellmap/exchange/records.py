@@ -25,6 +25,7 @@ from ..maps.orbit_batch import Cost
 from ..maps.point_map import PointMap
 from ..orbits.exponent_fields import ExponentField
 from .attractor_group import attractors_of
+from .branch_records import rebuilt
 from .conventions import variable_names
 from .datasets import to_xarray
 from .optional import xarray_package
@@ -38,12 +39,13 @@ def from_xarray(tree: Any, point_map: PointMap | None = None) -> Any:
     tree : xarray.DataTree or xarray.Dataset
         What `to_xarray` returned, or ``xarray.open_datatree`` or ``xarray.open_dataset`` read from a netCDF file of it.
     point_map : PointMap, optional
-        The map of a diagram, for its :meth:`BifurcationDiagram.measure`.
+        The map of a branch or curve, which is needed, or of a diagram, for its :meth:`BifurcationDiagram.measure`.
 
     Returns
     -------
-    Basins, Certificate, BasinContinuation, BifurcationDiagram, StabilityMap or ExponentField
-        Basins come without their map, as from a file: :func:`rebuild_map` rebuilds it.
+    Basins, Certificate, BasinContinuation, BifurcationDiagram, StabilityMap, ExponentField, Branch or BifurcationCurve
+        Branches and curves are continued like those from which the arrays came; zeros of functions are located again
+        by :meth:`Branch.with_zeros`.  Basins come without their map, as from a file: :func:`rebuild_map` rebuilds it.
 
     Raises
     ------
@@ -67,13 +69,14 @@ def from_xarray(tree: Any, point_map: PointMap | None = None) -> Any:
     if not isinstance(tree, xarray.DataTree | xarray.Dataset):
         raise TypeError(f"tree={shown(tree)}: give a DataTree or a Dataset of xarray, as to_xarray returns it")
     kind = tree.attrs.get("record")
-    if not isinstance(kind, str) or kind not in _READERS:
+    if not isinstance(kind, str) or kind not in (*_READERS, *_CURVES):
         raise ValueError(
             f"tree has the attribute record={shown(kind)}: give what to_xarray of this version makes of one of "
-            f"{', '.join(_READERS)}"
+            f"{', '.join((*_READERS, *_CURVES))}"
         )
     try:
-        result = _READERS[kind](_Read(tree))
+        read = _Read(tree)
+        result = rebuilt(read, point_map) if kind in _CURVES else _READERS[kind](read)
         changed = _difference(tree, to_xarray(result))
     except (KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
         raise ValueError(
@@ -280,3 +283,5 @@ _READERS: Mapping[str, Callable[[_Read], Any]] = {
     "ExponentField": _exponents,
 }
 """What makes a result of a tree, by its class."""
+
+_CURVES = ("Branch", "BifurcationCurve")

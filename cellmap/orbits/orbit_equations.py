@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .._lib.checks import known_parameter
 from ..maps.coordinates import difference, turns_of, wrap
-from ..maps.parameters_as_states import swept_map
+from ..maps.parameters_as_states import Swept, swept_map
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
 from .arclength import SolutionPoint, corrected
@@ -151,20 +151,26 @@ class OrbitProblem:
         return float(np.linalg.norm(gap * self.scale[:-1] / born.scale[:-1]))
 
     def orbit_between(
-        self, first: NDArray[np.float64], second: NDArray[np.float64], share: float, exact: PointMap, value: float
+        self, first: NDArray[np.float64], second: NDArray[np.float64], share: float, value: float
     ) -> PeriodicOrbit | None:
-        """Return the orbit at a parameter value, that of a map, between two neighbours given by their unknowns."""
-        d, sizes = self.dimension, self.scale[:-1]
-        begin, end = (wrap(x[:d], exact.coordinates) for x in (first, second))
-        guess = self.between(begin, end, share)
-        place = corrected(self, np.append(guess / sizes, value / self.scale[-1]), self.parameter_direction)
-        if place is None:
-            return None
-        return closed_orbit(exact, wrap(place.unknowns[:-1] * sizes, exact.coordinates), self.period, sizes)
+        """Return the orbit at a value of the parameter, between neighbours given by their unknowns in their units."""
+        apart, turns = second - first, self.circles * self.scale
+        apart = apart - turns * np.round(apart / np.where(turns > 0, turns, 1.0))
+        guess = np.append((first + share * apart)[:-1], value) / self.scale
+        place = corrected(self, guess, self.parameter_direction)
+        return None if place is None else self.orbit_at(place.unknowns)
 
-    def between(self, first: NDArray[np.float64], second: NDArray[np.float64], share: float) -> NDArray[np.float64]:
-        """Return a state between two neighbours, along angles the shorter way."""
-        return first + share * difference(second, first, self.point_map.coordinates)
+    def map_at(self, unknowns: NDArray[np.float64]) -> PointMap:
+        """Return the map with the parameters of a solution."""
+        spec, values = self.swept.specified, (unknowns * self.scale)[self.states :]
+        assert isinstance(spec, Swept)
+        return self.point_map.with_params(**dict(zip(spec.names, values.tolist(), strict=True)))
+
+    def orbit_at(self, unknowns: NDArray[np.float64]) -> PeriodicOrbit:
+        """Return the orbit of a solution, with its parameters."""
+        sizes, exact = self.scale[: self.dimension], self.map_at(unknowns)
+        state = wrap(unknowns[: self.dimension] * sizes, exact.coordinates)
+        return closed_orbit(exact, state, self.period, sizes)
 
 
 def begin_orbit(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..maps.coordinates import wrap
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
-from .arclength import SolutionPoint, corrected
+from .arclength import SolutionPoint
 from .multipliers import multipliers_of_product
 from .orbit_equations import OrbitProblem
 from .orbit_kinds import PeriodicOrbit
@@ -124,21 +124,15 @@ class ShootingProblem(OrbitProblem):
         first, second = unknowns[: born.states].reshape(2, -1)
         return float(np.linalg.norm(second - first))
 
-    def orbit_between(
-        self, first: NDArray[np.float64], second: NDArray[np.float64], share: float, exact: PointMap, value: float
-    ) -> PeriodicOrbit | None:
-        """Return the orbit at a parameter value, that of a map, between two neighbours given by their unknowns."""
-        apart, turns = second - first, self.circles * self.scale
-        apart = apart - turns * np.round(apart / np.where(turns > 0, turns, 1.0))
-        guess = np.append((first + share * apart)[:-1], value) / self.scale
-        place = corrected(self, guess, self.parameter_direction)
-        if place is None:
-            return None
+    def orbit_at(self, unknowns: NDArray[np.float64]) -> PeriodicOrbit:
+        """Return the orbit of a solution, with its parameters."""
+        exact, place = self.map_at(unknowns), SolutionPoint(unknowns, self(unknowns)[1], unknowns)
         d, n, count, axes = self.dimension, self.nodes, len(self.parts), exact.coordinates
-        nodes = wrap((place.unknowns * self.scale)[: n * d].reshape(n, d), axes)
+        given = unknowns * self.scale
+        nodes, values = wrap(given[: n * d].reshape(n, d), axes), given[n * d :]
         turn, full = np.where(self.around > 0, self.around, 1.0), np.zeros(d)
         for k in range(n):
-            image = self.parts[k % count](np.append(nodes[k], value)[None])[0][0, :d]
+            image = self.parts[k % count](np.append(nodes[k], values)[None])[0][0, :d]
             full += np.round((image - nodes[(k + 1) % n]) / turn)
         rotations = tuple(int(r) if t else 0 for r, t in zip(full, self.around, strict=True))
         units = self.scale[:d]

@@ -168,11 +168,11 @@ def test_what_is_no_result_is_refused():
 
 
 def test_results_without_a_way_back_are_named(tmp_path):
-    from cellmap import continue_orbit, periodic_orbit
+    from cellmap.bifurcations import attractor_atlas
 
-    branch = continue_orbit(WELLS, periodic_orbit(WELLS, [0.7, 0.0]), "r", 1.4, 1.6, step=0.1)
-    with pytest.raises(ValueError, match="record='Branch': give what to_xarray"):
-        from_xarray(to_xarray(branch))
+    atlas = attractor_atlas(systems.henon_map(0.2, 0.3), ("a", [0.1, 0.2]), ("b", [0.2, 0.3]), [[0.0, 0.0]], curves=0)
+    with pytest.raises(ValueError, match="record='AttractorAtlas': give what to_xarray"):
+        from_xarray(to_xarray(atlas))
 
 
 @pytest.mark.parametrize("change", ["reversed", "transposed", "grid", "attractors"])

@@ -1,0 +1,103 @@
+"""Branches and curves through netCDF files, and restarts at their points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+
+from cellmap import continue_orbit, discrete_map, periodic_orbit
+from cellmap.bifurcations import BifurcationKind, Branch, continue_bifurcation, switch_branch
+from cellmap.exchange import from_xarray, to_xarray
+from systems import henon_map
+
+
+@pytest.fixture(scope="module")
+def branch() -> Branch:
+    exact = henon_map(0.2, 0.3)
+    return continue_orbit(exact, periodic_orbit(exact, [0.5, 0.2]), "a", -0.2, 0.6, step=0.02, max_points=200)
+
+
+def through_a_file(result: Any, path: Path, point_map: Any) -> Any:
+    result.to_xarray().to_netcdf(path, engine="h5netcdf")
+    with xarray.open_dataset(path, engine="h5netcdf") as read:
+        return from_xarray(read.load(), point_map)
+
+
+def same(one: Any, other: Any) -> None:
+    for name in ("values", "points", "multipliers"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    assert one.ends == other.ends and one.period == other.period
+
+
+def test_a_branch_from_a_file_is_continued_as_before(branch: Branch, tmp_path: Path) -> None:
+    read = through_a_file(branch, tmp_path / "branch.nc", henon_map())
+    same(read, branch)
+    assert repr(read) == repr(branch) and read.point_map.params == branch.point_map.params
+    for one, other in zip(read.bifurcations, branch.bifurcations, strict=True):
+        assert repr(one) == repr(other)
+        np.testing.assert_array_equal(one.multipliers, other.multipliers)
+        assert one.normal_form.coefficient == other.normal_form.coefficient
+    box = (-0.2, 2.5), (-0.9, 0.9)
+    flip, again = branch.bifurcations[-1], read.bifurcations[-1]
+    curve = continue_bifurcation(branch, flip, "b", *box, step=0.05)
+    same(continue_bifurcation(read, again, "b", *box, step=0.05), curve)
+    same(switch_branch(read, again, -0.2, 0.6, step=0.1), switch_branch(branch, flip, -0.2, 0.6, step=0.1))
+    np.testing.assert_array_equal(read.orbits_at(0.5)[0].points, branch.orbits_at(0.5)[0].points)
+    zero = {"x": lambda t, x, p: x[0] - 1.0}
+    assert repr(read.with_zeros(zero).zeros) == repr(branch.with_zeros(zero).zeros)
+    second = through_a_file(curve, tmp_path / "curve.nc", henon_map())
+    same(second, curve)
+    assert [repr(p) for p in second.codimension_two()] == [repr(p) for p in curve.codimension_two()]
+
+
+def test_orbits_in_segments_from_a_file(tmp_path: Path) -> None:
+    # The orbit of period two of 1 - a x^2 has the multiplier 4 (1 - a).
+    steep = discrete_map(lambda x, p: (1.0 - p.a * x[0] ** 2,), {"a": 1e5}, ("x",))
+    root = np.sqrt(4e5 - 3.0)
+    branch = continue_orbit(steep, periodic_orbit(steep, [(1.0 + root) / 2e5], 2), "a", 1e5, 1e6)
+    assert len(branch._parts) == 3
+    read = through_a_file(branch, tmp_path / "steep.nc", steep)
+    same(read, branch)
+    np.testing.assert_allclose(read.multipliers[:, 0], 4.0 * (1.0 - read.values), rtol=1e-9)
+    (orbit,) = read.orbits_at(8e5)
+    assert orbit.multipliers[0].real == pytest.approx(4.0 * (1.0 - 8e5), rel=1e-9)
+    assert read.orbit(len(read.values) - 1).params["a"] == 1e6
+
+
+def test_restarts_at_points_of_branches_and_curves(branch: Branch) -> None:
+    exact = henon_map()
+    fold, flip = branch.of_kind(BifurcationKind.FOLD)[0], branch.of_kind(BifurcationKind.PERIOD_DOUBLING)[-1]
+    # Folds at a = -(1 - b)^2 / 4, period doublings at a = 3/4 (1 - b)^2: in b at the same places.
+    for start in (fold, flip):
+        other = continue_orbit(exact, start, "b", 0.0, 0.9, step=0.05)
+        here = [b for b in other.of_kind(start.kind) if abs(b.value - 0.3) < 1e-8]
+        assert len(here) == 1 and other.point_map.params["a"] == pytest.approx(start.value)
+    curve = continue_bifurcation(branch, flip, "b", (-0.2, 4.0), (-1.5, 0.9), step=0.05)
+    point = curve.codimension_two()[0]  # the 1:2 resonance at a = 3, b = -1
+    assert point.orbit.params == pytest.approx({"a": 3.0, "b": -1.0})
+    other = continue_orbit(exact, point, "a", 2.5, 3.5, step=0.05)
+    assert other.values[0] == 2.5 and other.values[-1] == 3.5
+    orbit = curve.orbit(4)
+    a, b = orbit.params["a"], orbit.params["b"]
+    assert (a, b) == tuple(curve.values[4])
+    along = continue_orbit(exact.with_params(**orbit.params), orbit, "b", b - 0.1, b + 0.1, step=0.05)
+    assert [k.value for k in along.of_kind(BifurcationKind.PERIOD_DOUBLING)] == pytest.approx([b], abs=1e-9)
+    first = branch.orbit(0)
+    np.testing.assert_array_equal(first.points[0], branch.points[0])
+
+
+def test_what_cannot_be_made_again_says_so(branch: Branch) -> None:
+    with pytest.raises(ValueError, match="point_map=None: give the map"):
+        from_xarray(branch.to_xarray())
+    (zero,) = branch.with_zeros({"x": lambda t, x, p: x[0] - 1.0}).zeros
+    curve = continue_bifurcation(branch, zero, "b", (-0.2, 0.6), (0.2, 0.4), step=0.1)
+    # x = 1 - a x^2 + b x at x = 1.
+    np.testing.assert_allclose(curve.values[:, 0], curve.values[:, 1], rtol=1e-12)
+    with pytest.raises(ValueError, match="curves of functions are not rebuilt"):
+        from_xarray(to_xarray(curve), henon_map())
+    with pytest.raises(ValueError, match="place=1000"):
+        branch.orbit(1000)
