@@ -19,6 +19,7 @@ from .newton import closed_orbit
 from .orbit_kinds import PeriodicOrbit
 
 _UNCOUPLED = 1e-8  # part of the largest entry of a balanced derivative below which there is no coupling
+_SMALL_DRIFT = 1e-3  # singular value, relative to those of I - M and M, along which the drift is not known
 _FARTHEST = 100.0  # times its natural size that a drift may make a coordinate's unit
 
 
@@ -229,9 +230,14 @@ def _sizes(
     A radian for an angle; else the size of the state, or what it drifts by over the spans of the parameters.
     """
     d = len(state)
-    drift = np.linalg.lstsq(np.eye(d) - matrices[:d, :d], matrices[:d, d:] * spans, rcond=1e-3)[0]
+    matrix = matrices[:d, :d]
+    shifted = np.eye(d) - matrix
+    # At a fold the state drifts without end: small singular values are left out, of one coordinate too.
+    whole, part = float(np.linalg.norm(matrix, 2)), float(np.linalg.norm(shifted, 2))
+    cut = _SMALL_DRIFT * max(1.0, whole / max(part, 1e-300))
+    drift = np.linalg.pinv(shifted, cut) @ (matrices[:d, d:] * spans)
     furthest = np.abs(drift).max(axis=1)
-    ratios, group = _coupled(matrices[:d, :d])
+    ratios, group = _coupled(matrix)
     sizes = np.empty(d)
     for number in range(int(group.max()) + 1):
         mine = group == number
