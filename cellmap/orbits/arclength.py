@@ -141,13 +141,18 @@ class ContinuationStep:
         """Return how far along the tangent unknowns are."""
         return float(self.begin.tangent @ (unknowns - self.begin.unknowns))
 
-    def passes(self, place: SolutionPoint, turns: NDArray[np.float64]) -> bool:
-        """Return whether the step passes through a point in the same direction; unknowns with a period are angles."""
+    def until(self, place: SolutionPoint, turns: NDArray[np.float64]) -> ContinuationStep | None:
+        """Return the step up to a point that it passes in the same direction, None if it does not.
+
+        Unknowns with a period are angles.
+        """
         apart = place.unknowns - self.begin.unknowns
         apart = apart - np.where(turns > 0, turns * np.round(apart / np.where(turns > 0, turns, 1.0)), 0.0)
-        passed = 0.0 < float(self.begin.tangent @ apart) <= self.length
+        length = float(self.begin.tangent @ apart)
         aligned = float(place.tangent @ self.begin.tangent) > _ALIGNED
-        return passed and aligned and bool(np.linalg.norm(apart) <= 1.1 * self.length)
+        if not (0.0 < length <= self.length and aligned and np.linalg.norm(apart) <= 1.1 * self.length):
+            return None
+        return replace(self, end=replace(place, unknowns=self.begin.unknowns + apart), length=length)
 
 
 def continuation_steps(
@@ -253,7 +258,9 @@ def trace(
         while step is not None:
             check_stop()
             part = step if box.holds(step.end) else box.cut(step)
+            closing = None if part is None or len(places) < 3 else part.until(start, turns)
             may_refuse = part is step and step.length > shortest
+            part = part if closing is None else closing
             if part is None and step.length <= shortest:
                 return places, left
             verdict = "refused" if part is None else visit(part, may_refuse)
@@ -266,10 +273,10 @@ def trace(
                 tick(1)
             if isinstance(verdict, End):
                 return places, verdict.reason
+            if closing is not None:
+                return places, "closed"
             if part is not step or not box.contains(part.end):
                 return places, left
-            if len(places) > 3 and part.passes(start, turns):
-                return places, "closed"
             if len(places) > most:
                 return places, "most points"
             step = _following(ahead, refused=False)
