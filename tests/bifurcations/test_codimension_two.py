@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from differences import Differences
+from scipy.integrate import solve_ivp
 
 from cellmap import PointMap, continue_orbit, discrete_map, periodic_orbit, stroboscopic_map
 from cellmap._lib.stopping import Stop, Stopped, heeding
@@ -23,7 +24,7 @@ from cellmap.bifurcations import (
 )
 from cellmap.maps import swept_map
 from cellmap.maps.parameters_as_states import Swept
-from systems import duffing_oscillator
+from systems import duffing_oscillator, van_der_pol_oscillator
 
 FOLD, DOUBLING = BifurcationKind.FOLD, BifurcationKind.PERIOD_DOUBLING
 PITCHFORK, NEIMARK_SACKER = BifurcationKind.PITCHFORK, BifurcationKind.NEIMARK_SACKER
@@ -244,3 +245,35 @@ def test_points_without_another_curve_are_refused(henon: dict[BifurcationKind, B
 
 def test_a_point_is_shown_in_a_line(henon: dict[BifurcationKind, BifurcationCurve]) -> None:
     assert repr(only(henon[FOLD], POINT.FOLD_FLIP)).startswith("CodimensionTwo(fold-flip at alpha=")
+
+
+def monodromy(frequency: float, forcing: float, state: Any) -> tuple[Any, Any]:
+    """Return the image of a state of van der Pol's oscillator after a period, and its derivative, by SciPy."""
+
+    def rhs(t: float, s: Any) -> Any:
+        x, v, rest = s[0], s[1], s[2:].reshape(2, 2)
+        slope = np.array([[0.0, 1.0], [-2.0 * x * v - 1.0, 1.0 - x * x]])
+        return [v, (1.0 - x * x) * v - x + forcing * cos(frequency * t), *(slope @ rest).ravel()]
+
+    start = [*state, 1.0, 0.0, 0.0, 1.0]
+    end = solve_ivp(rhs, (0.0, 2.0 * pi / frequency), start, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    return end[:2], end[2:].reshape(2, 2)
+
+
+def test_resonances_of_the_forced_van_der_pol_oscillator() -> None:
+    """Points of codimension two on both borders of entrainment have the trace and the determinant of their kind."""
+    exact = stroboscopic_map(van_der_pol_oscillator(1.0, 1.0, 1.1), rtol=1e-11, atol=1e-11)
+    start = periodic_orbit(exact, exact.iterate([2.0, 0.0], 60).points)
+    branch = continue_orbit(exact, start, "frequency", 0.6, 1.6, step=0.05)
+    box = (0.6, 1.6), (0.05, 2.5)
+    folds = continue_bifurcation(branch, branch.of_kind(FOLD)[0], "forcing", *box, step=0.05)
+    turned = next(p for p in folds.codimension_two() if p.kind is POINT.RESONANCE_1_1 and p.values[0] > 1.0)
+    tori = switch_curve(folds, turned, *box, step=0.1)
+    traces = {POINT.RESONANCE_1_1: 2.0, POINT.RESONANCE_1_4: 0.0, POINT.RESONANCE_1_3: -1.0}
+    assert [p.kind for p in folds.codimension_two()].count(POINT.CUSP) == 2
+    assert {p.kind for p in tori.codimension_two()} == set(traces)
+    for point in tori.codimension_two():
+        image, matrix = monodromy(*point.values, point.point)
+        np.testing.assert_allclose(image, point.point, atol=1e-9)
+        assert np.trace(matrix) == pytest.approx(traces[point.kind], abs=1e-8)
+        assert np.linalg.det(matrix) == pytest.approx(1.0, abs=1e-8)
