@@ -263,9 +263,15 @@ class CurveTracer:
         if not isinstance(problem, SingularOrbits):
             return None
         if problem.has_met(step.end):
-            # The last point is that at which the multipliers meet.
+            # The last point is that at which the multipliers meet; a long step may lead to a curve of neutral saddles.
             real = np.sign(cosine_of_pair(problem.multipliers(step.end)))
-            place = step.located(lambda p: cosine_of_pair(problem.multipliers(p)) - real)
+
+            def apart(place: SolutionPoint) -> float:
+                return cosine_of_pair(problem.multipliers(place)) - real
+
+            place = step.zero(apart, (apart(step.begin), apart(step.end)))
+            if place is None and may_refuse:
+                return "refused"
             known = place is not None and step.along(place.unknowns) > 0.0
             return End("multipliers met on the real axis", place if known else None)
         return None if problem.is_symmetric(step.end) else End("symmetry broken")

@@ -74,7 +74,8 @@ class BranchTracer:
             # A line through the last two values tells where a function heads.
             headed = np.where(before.tests + slopes * step.length < 0.0, -1, 1)
             back = (headed != before.sides) & (after.sides == before.sides) & before.informative & after.informative
-            if may_refuse and (after.is_singular(before) or not clear or bool(back.any())):
+            unclear = after.is_singular(before) or not clear or bool(back.any())
+            if may_refuse and unclear and box.contains(step.end):
                 return "refused"
             if step.length > 0.0:
                 found.extend(replace(b, place=number) for b in events)

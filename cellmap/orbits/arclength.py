@@ -26,6 +26,7 @@ _REPEATED = 0.43  # no power of it leads back to round numbers
 _ALIGNED = 0.9  # cosine of the angle between tangents of one curve at one place
 _REFUSALS = 6  # halvings of a step that is refused, or on which the edge of the box is not located
 _AT_END, _LOCATED = 1e-8, 1e-3  # part of its largest value that a test function has where it is zero: at an end, within
+_OFF = 1e-9  # scaled distance from the edge of a box of a point that is not on it
 _SLACK = 1e-13  # relative distance from the edge of a box that counts as rounding
 
 
@@ -211,7 +212,8 @@ class Box:
             if not low <= value <= high:
                 edge = low if value < low else high
                 last = step.located(lambda place, k=k, edge=edge: place.unknowns[k] - edge)  # type: ignore[misc]
-                if last is None:
+                # Corrections of long steps may lead to another curve beyond the edge, and to none at it.
+                if last is None or abs(last.unknowns[k] - edge) > _OFF:
                     return None
                 last.unknowns[k] = edge
                 ends.append((step.along(last.unknowns), last))
@@ -259,9 +261,9 @@ def trace(
             check_stop()
             part = step if box.holds(step.end) else box.cut(step)
             closing = None if part is None or len(places) < 3 else part.until(start, turns)
-            may_refuse = part is step and step.length > shortest
+            may_refuse = step.length > shortest
             part = part if closing is None else closing
-            if part is None and step.length <= shortest:
+            if part is None and not may_refuse:
                 return places, left
             verdict = "refused" if part is None else visit(part, may_refuse)
             if part is None or verdict == "refused":

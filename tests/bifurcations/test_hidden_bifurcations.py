@@ -175,3 +175,24 @@ def test_a_fold_of_a_system_that_is_driven_by_another(rate: float) -> None:
     assert fold.value == pytest.approx(0.0, abs=1e-9)
     assert branch.values.min() > -1e-9
     np.testing.assert_allclose(branch.points[:, 1] ** 2, branch.values, atol=1e-8)
+
+
+@pytest.mark.parametrize(("gap", "bend", "step"), [(0.05, 4.0, 0.2), (0.2, 1.0, 0.5), (0.02, 1.0, 0.5)])
+def test_a_curve_beside_one_of_neutral_saddles_goes_on_whatever_the_step(gap, bend, step):
+    """Multipliers of modulus 1 + r with r = q - bend s^2; the product of -2 and -(1 + r + gap)/2 is 1 for r = -gap."""
+
+    def f(x, p):
+        r, a = p.q - p.bend * p.s**2, 2.0 + 0.3 * p.s
+        size = 1.0 + r - x[0] ** 2 - x[1] ** 2
+        turned = size * (cos(a) * x[0] - sin(a) * x[1]), size * (sin(a) * x[0] + cos(a) * x[1])
+        return *turned, -2.0 * x[2] + x[0] * x[3], -0.5 * (1.0 + r + p.gap) * x[3] + 0.1 * x[0] ** 2
+
+    params = {"q": -0.1, "s": -0.3, "gap": gap, "bend": bend}
+    beside = discrete_map(f, params, ("u", "v", "y", "z"))
+    branch = continue_orbit(beside, periodic_orbit(beside, [0.0] * 4), "q", -0.5, 4.5)
+    (torus,) = branch.of_kind(BifurcationKind.NEIMARK_SACKER)
+    curve = continue_bifurcation(branch, torus, "s", (-0.5, 4.5), (-1.0, 1.0), step=step)
+    assert curve.ends == ("left the intervals", "left the intervals")
+    q, s = curve.values.T
+    np.testing.assert_allclose(q, bend * s**2, atol=1e-11)
+    assert np.ptp(s) == pytest.approx(2.0)
