@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .._lib.computed import computed_once
 from .._lib.stopping import check_stop
-from .._lib.threads import progress_bar
+from .._lib.threads import progress_bar, slices
 from ..maps.coordinates import wrap
 from ..maps.multilinear import MultilinearForms
 from ..orbits.arclength import ContinuationStep, SolutionPoint
@@ -30,6 +30,7 @@ _CONVERGED = 1e-12  # last step of Newton's method
 _CLOSE = 0.1  # distance, scaled, of a point from where it is expected
 _DISPLACED = 1e-5  # in scaled unknowns, between test functions whose derivatives are wanted
 _ITERATIONS = 10
+_TOGETHER = 64  # places at which derivatives are integrated side by side
 _SINGULAR = 1e-10  # determinant of I - M, below which a multiplier is 1
 _REAL = 1e-6  # imaginary part of multipliers that are taken for real
 _RESONANT = 1e-3  # distance of the cube of a multiplier from 1 at which terms that cancel leave rounding alone
@@ -133,33 +134,34 @@ def points_on(
 
     Also those kinds whose condition holds along the whole curve, of which there are no points.
     """
-    tests = _Tests(problem)
-    unknowns = np.array([p.unknowns for p in places])
-    factors, forms = tests.factors(unknowns), tests.forms(unknowns)
-    frames = [tests.frame(along) for along in factors]
-    own = [tests.values(along, forms.at(0, k), frames[k]) for k, along in enumerate(factors)]
+    tests, unknowns = _Tests(problem), np.array([p.unknowns for p in places])
+    own, frames = list[dict[CodimensionTwoKind, _TestValue]](), list[Frame]()
+    with progress_bar(len(places), "points of codimension two" if progress else None) as tick:
+        for some in slices(len(places), _TOGETHER):
+            check_stop()
+            factors, forms = tests.factors(unknowns[some]), tests.forms(unknowns[some])
+            for k, along in enumerate(factors):
+                frames.append(tests.frame(along, frames[-1] if frames else None))
+                own.append(tests.values(along, forms.at(0, k), frames[-1]))
+            tick(len(factors))
     everywhere = _vanishing(own)
     found: dict[tuple[int, float, CodimensionTwoKind], SolutionPoint] = {}
     known: dict[CodimensionTwoKind, int] = {}
-    with progress_bar(len(places), "points of codimension two" if progress else None) as tick:
-        for j, end in enumerate(places):
-            check_stop()
-            here = own[j].keys() - everywhere
-            # Where a test function is not known, the next place where it is has the last one as its neighbour.
-            for k in {known[kind] for kind in here & known.keys()}:
-                begin, frame, after = places[k], frames[k], tests.values(factors[j], forms.at(0, j), frames[k])
-                part = ContinuationStep(problem, begin, end, float(begin.tangent @ (end.unknowns - begin.unknowns)))
-                for kind in (kind for kind in here & known.keys() & after.keys() if known[kind] == k):
-                    values = own[k][kind].value, after[kind].value
-                    test = functools.partial(tests.at, frame=frame, kind=kind)
-                    double = kind is CodimensionTwoKind.DOUBLE_NEIMARK_SACKER
-                    place = part.zero(test, values, functools.partial(tests.double, part, values) if double else None)
-                    if place is end:
-                        found[j, 0.0, kind] = end
-                    elif place is not None:
-                        found[k, abs(part.along(place.unknowns)), kind] = place
-            known |= dict.fromkeys(here, j)
-            tick(1)
+    for j, end in enumerate(places):
+        check_stop()
+        here = own[j].keys() - everywhere
+        # Where a test function is not known, the next place where it is has the last one as its neighbour.
+        for kind, k in ((kind, known[kind]) for kind in here & known.keys()):
+            begin, values = places[k], (own[k][kind].value, own[j][kind].value)
+            part = ContinuationStep(problem, begin, end, float(begin.tangent @ (end.unknowns - begin.unknowns)))
+            test = functools.partial(tests.at, frame=frames[k], kind=kind)
+            double = kind is CodimensionTwoKind.DOUBLE_NEIMARK_SACKER
+            place = part.zero(test, values, functools.partial(tests.double, part, values) if double else None)
+            if place is end:
+                found[j, 0.0, kind] = end
+            elif place is not None:
+                found[k, abs(part.along(place.unknowns)), kind] = place
+        known |= dict.fromkeys(here, j)
     last = len(places) - 2
     points = (
         _point(problem, names, min(k, last), kind, place)
@@ -227,14 +229,20 @@ class _Tests:
         """Return the derivatives (..., n, d, d) from each node to the next one at unknowns (..., n d + 2)."""
         return self.problem.orbits.factors(self.problem.orbits(unknowns)[1])
 
-    def frame(self, factors: NDArray[np.float64]) -> Frame:
-        """Return the right and the left unit eigenvector of the critical multiplier, along the nodes (n d,)."""
+    def frame(self, factors: NDArray[np.float64], beside: Frame | None) -> Frame:
+        """Return the right and the left unit eigenvector of the critical multiplier, along the nodes (n d,).
+
+        They point along those beside them.
+        """
         left, _, right = np.linalg.svd(cycle_matrix(factors, self._critical))
-        return right[-1], left[:, -1]
+        found = right[-1], left[:, -1]
+        signs = [1.0, 1.0] if beside is None else [np.copysign(1.0, a @ b) for a, b in zip(found, beside, strict=True)]
+        return signs[0] * found[0], signs[1] * found[1]
 
     def forms(self, unknowns: NDArray[np.float64]) -> MultilinearForms:
-        """Return the derivatives of the map, from each node to the next one, at unknowns (k, n d + 2)."""
-        return forms_along(self.problem.orbits, self.problem.orbits.cycle(unknowns), once=True)
+        """Return the derivatives of the map that a coefficient asks for, at unknowns (k, n d + 2)."""
+        orbits, order = self.problem.orbits, 2 if self.problem.kind is _FOLD else 3
+        return forms_along(orbits, orbits.cycle(unknowns), order, once=True)
 
     def at(self, place: SolutionPoint, frame: Frame, kind: CodimensionTwoKind) -> float:
         """Return a test function at a place, NaN where it is not known."""
