@@ -54,7 +54,7 @@ def test_curves_of_peaks_and_of_equal_amplitude(linear: Branch) -> None:
     np.testing.assert_allclose(w**2, 1.0 - 0.5 * b**2, rtol=0, atol=1e-10)
     assert (peaks.kind, peaks.codimension_two(), len(peaks.ends)) == ("peak", (), 2)
     assert {*b[[0, -1]].round(12)} == {0.15, 0.3}
-    levels = continue_bifurcation(linear, level, "b", (0.5, 1.5), (0.1, 0.8), step=0.1)
+    levels = continue_bifurcation(linear, level, "b", (0.5, 1.5), (0.19, 0.8), step=0.2)
     w, b = levels.values.T
     np.testing.assert_allclose((1.0 - w**2) ** 2 + (b * w) ** 2, 0.25, rtol=0, atol=1e-11)
     levels = levels.with_zeros({"w=1": lambda t, x, p: p.w - 1.0})
@@ -98,7 +98,7 @@ def test_maps_in_closed_form() -> None:
     }
     found = {z.name: z.value for z in fixed.with_zeros(functions).zeros}
     assert found == pytest.approx({"vertex": 2.5, "start": 2.0, "end": 3.5, "x": 2.5}, abs=1e-10)
-    doubled = switch_branch(fixed, fixed.bifurcations[-1], 1.5, 3.6).with_zeros(
+    doubled = switch_branch(fixed, fixed.bifurcations[-1], 1.5, 3.6, step=0.05).with_zeros(
         {"superstable": OrbitFunction("x", "minimum", value=0.5)}
     )
     (zero,) = doubled.zeros

@@ -63,13 +63,13 @@ def test_an_absorber_has_the_peaks_of_harmonic_balance() -> None:
     resonance = resonance.with_zeros({"peak": OrbitFunction("x", "amplitude", extremum=True)})
     amplitude, guess = resonance.measure("x", "amplitude"), np.full((2, len(ORDERS)), 1e-6 + 0j)
     guess[:, 0] = 0.1
-    for k in range(0, len(amplitude), 12):
+    for k in range(0, len(amplitude), 30):
         guess = balanced(resonance.values[k], params["stiffness"], guess)
         assert height(resonance.values[k], params["stiffness"], guess) == approx(amplitude[k], rel=1e-7)
     box = (0.6, 1.6), (0.044, 0.049)
     peaks = continue_bifurcation(resonance, resonance.zeros[-1], "stiffness", *box, step=0.1)
-    found = [(zero.value, params["stiffness"]) for zero in resonance.zeros] + peaks.values[[0, -1]].tolist()
-    assert len(found) == 5
+    assert len(resonance.zeros) == 3
+    found = [(resonance.zeros[0].value, params["stiffness"]), *peaks.values[[0, -1]].tolist()]
     for w, stiffness in found:
         guess = balanced(w, stiffness, np.asarray(guess))
         before, here, after = (height(w + h, stiffness, guess) for h in (-1e-3, 0.0, 1e-3))
