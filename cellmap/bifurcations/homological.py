@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.computed import computed_once
+
 Exponents = tuple[int, ...]
 Term = tuple[int, Exponents]
 """Component of the normal form, and exponents of a monomial in its variables."""
@@ -94,7 +96,7 @@ class Centre:
         """Number of variables."""
         return len(self.linear)
 
-    @property
+    @computed_once
     def is_diagonal(self) -> bool:
         """Whether there is no Jordan block."""
         return not np.triu(self.linear, 1).any()
@@ -142,33 +144,34 @@ def normal_form_terms(tensors: tuple[NDArray[np.float64], ...], centre: Centre, 
     Kuznetsov, Meijer, SIAM Journal on Scientific Computing 26 (2005) 1932; *Numerical Bifurcation Analysis of Maps*
     (2019), section 4.1.
     """
-    m, matrices = centre.dimension, tensors[0]
+    m, cycle = centre.dimension, cycle_matrix(tensors[0], 0.0)
     manifold = {e: centre.right[..., k] for k, e in enumerate(exponents(m, 1))}
     form = [{e: complex(number) for e, number in zip(manifold, row, strict=True) if number} for row in centre.linear]
     found = dict[Term, complex]()
     for degree in range(2, order + 1):
-        powers = exponents(m, degree)
-        rest = np.zeros((len(matrices), len(powers), matrices.shape[-1]), complex)
+        powers, resonant = exponents(m, degree), centre.resonant(degree)
+        # Those of the last degree that are not resonant are not needed, unless they are solved together with others.
+        together = [[e] for e in powers if degree < order or any(e == term[1] for term in resonant)]
+        together = together if centre.is_diagonal else [powers]
+        rest = {e: np.zeros(manifold[exponents(m, 1)[0]].shape, complex) for some in together for e in some}
         for factors, power, weight in _products(m, degree):
-            value = np.asarray(tensors[len(factors) - 1])
-            for factor in factors:
-                value = np.einsum("n...j,nj->n...", value, manifold[factor])
-            rest[:, powers.index(power)] += weight * value
-        for e, part in manifold.items():
+            if power in rest:
+                value = np.asarray(tensors[len(factors) - 1])
+                for factor in factors:
+                    value = np.einsum("n...j,nj->n...", value, manifold[factor])
+                rest[power] += weight * value
+        for e, part in manifold.items() if found else ():
             for power, number in _substituted(form, e, degree).items() if sum(e) > 1 else ():
-                rest[-1, powers.index(power)] -= number * part[0]
-        shifted = np.zeros((len(powers), len(powers)), complex)
-        for k, e in enumerate(powers):
-            for power, number in _substituted(form, e, degree).items():
-                shifted[powers.index(power), k] = number
-        terms = [(i, powers.index(e)) for i, e in centre.resonant(degree)]
-        together = [[k] for k in range(len(powers))] if centre.is_diagonal else [list(range(len(powers)))]
+                if power in rest:
+                    rest[power][-1] -= number * part[0]
         for some in together:
-            mine = [(i, some.index(k)) for i, k in terms if k in some]
-            part, numbers = _solved(matrices, centre, rest[:, some], shifted[np.ix_(some, some)], mine)
-            manifold |= {powers[k]: part[:, j] for j, k in enumerate(some)}
-            found |= {(i, powers[some[j]]): complex(x) for (i, j), x in zip(mine, numbers, strict=True)}
-        for i, e in centre.resonant(degree):
+            images = [_substituted(form, e, degree) for e in some]
+            shifted = np.array([[image.get(e, 0.0) for image in images] for e in some])
+            mine = [(i, some.index(e)) for i, e in resonant if e in some]
+            part, numbers = _solved(cycle, centre, np.stack([rest[e] for e in some], axis=1), shifted, mine)
+            manifold |= {e: part[:, j] for j, e in enumerate(some)}
+            found |= {(i, some[j]): complex(x) for (i, j), x in zip(mine, numbers, strict=True)}
+        for i, e in resonant:
             form[i][e] = found[i, e]
     return found
 
@@ -206,28 +209,26 @@ def _substituted(form: list[dict[Exponents, complex]], exponent: Exponents, degr
 
 
 def _solved(
-    matrices: NDArray[np.float64],
-    centre: Centre,
-    rest: NDArray[Any],
-    shifted: NDArray[Any],
-    terms: list[tuple[int, int]],
+    cycle: NDArray[Any], centre: Centre, rest: NDArray[Any], shifted: NDArray[Any], terms: list[tuple[int, int]]
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Solve A_k h_k(w) + rest_k(w) = h_(k+1)(w), at the end = h_1(J w) + Q_1 g(w), for some monomials (c,) together.
 
     Return h (n, c, d) and the coefficients g of terms, each given by its component and its monomial.
     """
-    n, c, d = rest.shape
-    size, last = n * d, np.zeros((n * d, n * d))
-    last[-d:, :d] = np.eye(d)
+    (n, c, d), size, unit = rest.shape, len(cycle), np.eye(rest.shape[-1])
     equations = np.zeros((c * size + len(terms) * centre.is_diagonal, c * size + len(terms)), complex)
-    equations[: c * size, : c * size] = np.kron(np.eye(c), cycle_matrix(matrices, 0.0)) - np.kron(shifted, last)
+    blocks = np.zeros((c, size, c, size), complex)
+    blocks[range(c), :, range(c)] = cycle
+    blocks[:, -d:, :, :d] -= shifted[:, None, :, None] * unit[:, None]
+    equations[: c * size, : c * size] = blocks.reshape(c * size, c * size)
     for k, (component, power) in enumerate(terms, c * size):
         equations[(power + 1) * size - d : (power + 1) * size, k] = -centre.right[0, :, component]
         if centre.is_diagonal:
             equations[k, power * size : power * size + d] = centre.left[component]
     sides = np.zeros(len(equations), complex)
     sides[: c * size] = -rest.swapaxes(0, 1).ravel()
-    if not np.linalg.cond(equations) < 1.0 / _SINGULAR:
+    sizes = np.linalg.svd(equations, compute_uv=False) if np.isfinite(equations).all() else np.zeros(1)
+    if not sizes[-1] > _SINGULAR * sizes[0]:
         solution = np.full(equations.shape[1], complex(np.nan))
     elif centre.is_diagonal:
         solution = np.linalg.solve(equations, sides)

@@ -132,3 +132,22 @@ def test_two_curves_of_neimark_sacker_bifurcations_intersect(first: int, start: 
     (a, b), (d, c) = COEFFICIENTS
     expected = {"a": a * sizes[0], "b": b * sizes[1], "c": c * sizes[0], "d": d * sizes[1]}
     assert_form(point, expected, 1e-10)
+
+
+def test_a_neimark_sacker_curve_beside_a_multiplier_of_1e8() -> None:
+    """r -> r (1 + p + q r^2 - r^4) and an angle 0.3 + q/2 in each of two steps, of which one has the other sign."""
+
+    def image(x: Any, p: Any) -> Any:
+        r, angle = x[1] ** 2 + x[2] ** 2, 0.3 + 0.5 * p.q
+        factor = x[3] * (1.0 + p.p + p.q * r - r * r)
+        u, v = cos(angle) * x[1] - sin(angle) * x[2], sin(angle) * x[1] + cos(angle) * x[2]
+        return 1e4 * x[0] + x[1], factor * u, factor * v, -x[3] * (6.0 - x[3] ** 2) / 5.0
+
+    exact = discrete_map(image, {"p": -0.25, "q": 0.33}, ("g", "u", "v", "s"))
+    curve = curve_in_segments(exact, [0.0, 0.0, 0.0, 1.0], 2, BifurcationKind.NEIMARK_SACKER)
+    np.testing.assert_allclose(curve.values[:, 0], 0.0, atol=1e-11)
+    points = {point.kind: point for point in curve.codimension_two()}
+    # Two angles and half a circle make two thirds of a circle.
+    expected = {POINT.CHENCINER: 0.0, POINT.RESONANCE_1_3: pi / 3.0 - 0.6}
+    assert {kind: pytest.approx(float(point.values[1]), abs=1e-10) for kind, point in points.items()} == expected
+    assert_form(points[POINT.CHENCINER], {"l2": -8.0}, 1e-6)
