@@ -151,7 +151,7 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         ndarray, shape (n,)
             Values, in the unit of the quantity; NaN where it does not return after the period, as an angle that makes
             full rotations.  Extreme values are those of a trigonometric polynomial through samples that resolve the
-            quantity; for a map that is no stroboscopic map, those of the points of the orbit.
+            quantity; for discrete maps they are those of the points of the orbit.
 
         Raises
         ------

@@ -15,6 +15,7 @@ from .._compiled.codegen.rebind import over_arrays
 from .._compiled.codegen.trace import parameter_record
 from .._lib.checks import one_of, shown
 from ..maps.parameters_as_states import swept_map
+from ..maps.poincare import Section, SectionMap
 from ..maps.point_map import PointMap
 from ..maps.stroboscopic import Stroboscopic
 from ..maps.system import ForcedSystem
@@ -54,8 +55,8 @@ class OrbitFunction:
     ----------
     quantity : int, str or callable, optional
         Number or name of a coordinate, one of the `outputs` of the system, or a function ``f(t, x, p)`` of time,
-        state and parameters, written with the functions of :mod:`math`.  For a map that is no stroboscopic map the time
-        is the number of the iterate.
+        state and parameters, written with the functions of :mod:`math`.  For discrete maps the time is the number of
+        the iterate.  On a section quantities are those of all coordinates of the system.
     measure : {"maximum", "minimum", "amplitude", "mean", "norm"}, optional
         A :class:`PeriodMeasure`; by default the quantity is that at the first point of the orbit.
     value : float, optional
@@ -98,15 +99,16 @@ def measured(
     """Return a measure (n,) of orbits through points (n, d) at values (n, m) of some parameters.
 
     The states within a period are integrated at equal distances in time, at more of them until the harmonics of the
-    quantity have died out; its extreme values are those of the trigonometric polynomial through them.  For a map that
-    is no stroboscopic map the points of the orbit stand for all times.  NaN where the quantity does not return after
-    the period, as an angle that makes full rotations.  Without a measure, the quantity at the points.  The tolerances
-    are those of the map, or `finest` if that is less.
+    quantity have died out; its extreme values are those of the trigonometric polynomial through them.  For a discrete
+    map the points of the orbit stand for all times.  NaN where the quantity does not return after the period, as an
+    angle that makes full rotations.  Without a measure, the quantity at the points.  The tolerances are those of the
+    map, or `finest` if that is less.
     """
     if measure is None:
         spec = point_map.without_table.spec
         phase = spec.phase if isinstance(spec, Stroboscopic) else 0.0
-        return _quantity(point_map, names, values, np.array([phase]), points[None], quantity)[:, 0]
+        times = np.full((1, len(points)), phase) * _lengths(point_map, names, values)
+        return _quantity(point_map, names, values, times, _on_section(spec, points)[None], quantity)[:, 0]
     chosen = PeriodMeasure(one_of("measure", measure, tuple(PeriodMeasure)))
     result = np.full(len(values), np.nan)
     rows, samples = np.arange(len(values)), _SAMPLES
@@ -119,7 +121,7 @@ def measured(
         strength = np.abs(harmonics)
         tail = strength[:, 3 * strength.shape[1] // 4 :].max(axis=1, initial=0.0)
         coarse = closed & (tail > np.maximum(_TAIL * strength.max(axis=1), apart)) & (samples < _MOST_SAMPLES)
-        coarse &= isinstance(point_map.without_table.spec, Stroboscopic)
+        coarse &= _is_flow(point_map)
         done = closed & ~coarse
         result[rows[done]] = _reduced(chosen, signals[done], harmonics[done], point_map)
         rows, samples = rows[coarse], 2 * samples
@@ -136,8 +138,11 @@ def measured_along(
 ) -> NDArray[np.float64]:
     """Return a measure (n,) over all steps that are recorded of orbits (n, steps, d) that need not return.
 
-    Extreme values are those of parabolas through neighbouring samples.
+    Extreme values are those of parabolas through neighbouring samples.  NaN for maps of first returns, whose steps are
+    of different length.
     """
+    if isinstance(point_map.without_table.spec, Section):
+        return np.full(len(points), np.nan)
     chosen = PeriodMeasure(one_of("measure", measure, tuple(PeriodMeasure)))
     n, steps, d = points.shape
     result, block = np.full(n, np.nan), max(_BLOCK // steps, 1)
@@ -169,12 +174,22 @@ def _signals(
     """Return the quantity (n, times + 1) from the beginning of the period of orbits to its end."""
     exact = point_map.without_table
     spec, d = exact.spec, exact.dimension
+    if isinstance(spec, Section):
+        returning, cycles = _cycles(spec, names, samples, finest)
+        place, lengths = np.column_stack([points, values]), np.zeros(len(points))
+        for _ in range(period):
+            back = returning.returns(place)
+            place, lengths = back.points, lengths + back.times
+        states = cycles.states(np.column_stack([_on_section(spec, points), values, lengths]), 1)[0][..., : d + 1]
+        times = np.arange(len(states))[:, None] / samples * lengths
+        return _quantity(exact, names, values, times, states, quantity)
     if not isinstance(spec, Stroboscopic):
         swept = swept_map(exact, *names)
         orbit = [np.column_stack([points, values])]
         for _ in range(period):
             orbit.append(swept(orbit[-1]))
-        return _quantity(exact, names, values, np.arange(period + 1.0), np.array(orbit)[..., :d], quantity)
+        times = np.broadcast_to(np.arange(period + 1.0)[:, None], (period + 1, len(points)))
+        return _quantity(exact, names, values, times, np.array(orbit)[..., :d], quantity)
     sampler = _sampler(spec, names, samples, finest)
     if sampler is not None:
         states = sampler.states(np.column_stack([points, values]), period)[0][..., :d]
@@ -183,7 +198,8 @@ def _signals(
             Sampler(_finer(replace(spec, system=_at(spec.system, names, value)), finest), samples) for value in values
         )
         states = np.concatenate([s.states(p[None], period)[0] for s, p in zip(each, points, strict=True)], axis=1)
-    return _quantity(exact, names, values, spec.phase + np.arange(len(states)) / samples, states, quantity)
+    times = (spec.phase + np.arange(len(states))[:, None] / samples) * _lengths(exact, names, values)
+    return _quantity(exact, names, values, times, states, quantity)
 
 
 def _quantity(
@@ -194,16 +210,16 @@ def _quantity(
     states: NDArray[np.float64],
     quantity: Quantity,
 ) -> NDArray[np.float64]:
-    """Return a quantity (n, times) of states (times, n, d) at times in periods of the force."""
+    """Return a quantity (n, times) of states (times, n, ...), with all coordinates of a system, at times (times, n)."""
     exact = point_map.without_table
     spec, d = exact.spec, exact.dimension
     if isinstance(quantity, int):
         if isinstance(quantity, bool) or not -d <= quantity < d:
             raise ValueError(f"quantity={quantity!r}: the coordinates have the numbers 0 to {d - 1}")
-        return states[..., quantity].T
-    system = spec.system if isinstance(spec, Stroboscopic) else None
+        quantity = exact.coordinates[quantity].name
+    system = spec.system if isinstance(spec, Stroboscopic | Section) else None
     outputs = system.outputs if system is not None else {}
-    axes = [c.name for c in exact.coordinates]
+    axes = [c.name for c in (exact.coordinates if system is None else system.axes)]
     if isinstance(quantity, str):
         if quantity in axes:
             return states[..., axes.index(quantity)].T
@@ -216,11 +232,7 @@ def _quantity(
         raise TypeError(
             f"quantity={shown(quantity)}: give a coordinate, one of the outputs of the system, or a function f(t, x, p)"
         )
-    given = dict(exact.params) | dict(zip(names, values.T, strict=True))
-    record = parameter_record(tuple(given))(*given.values())
-    length: Any = 1.0 if system is None else system.period
-    length = over_arrays(length)(record) if callable(length) else length
-    found = over_arrays(function)(times[:, None] * length, tuple(np.moveaxis(states, -1, 0)), record)
+    found = over_arrays(function)(times, tuple(np.moveaxis(states, -1, 0)), _parameters(exact, names, values))
     first = found[0] if isinstance(found, tuple) else found
     return np.broadcast_to(np.asarray(first, dtype=float), states.shape[:-1]).T
 
@@ -229,6 +241,49 @@ def _quantity(
 def _sampler(spec: Stroboscopic, names: tuple[str, ...], samples: int, finest: float) -> Sampler | None:
     swept = spec.swept(names)
     return None if swept is None else Sampler(_finer(swept, finest), samples)
+
+
+@functools.lru_cache(maxsize=16)
+def _cycles(spec: Section, names: tuple[str, ...], samples: int, finest: float) -> tuple[SectionMap, Sampler]:
+    """Return the map of first returns with parameters as states, and the motion over a time that is a state as well."""
+    finer = replace(spec, rtol=min(spec.rtol, finest), atol=min(spec.atol, finest))
+    swept, system = finer.swept(names), spec.system
+    if swept is None:
+        raise TypeError(f"system={system!r}: measures over returns need a right-hand side that can be traced")
+    own = parameter_record(tuple(system.params))
+
+    def rhs(t: Any, x: Any, p: Any) -> Any:
+        return system.rhs(t, x, own(*tuple(p)[:-1]))
+
+    timed = ForcedSystem(rhs, {**system.params, "T_": 1.0}, lambda p: p.T_, system.axes, system.name)
+    strobe = Stroboscopic(timed, 0.0, finer.rtol, finer.atol, "auto", spec.max_steps).swept((*names, "T_"))
+    assert strobe is not None, "the same formulas"
+    return swept.build(), Sampler(strobe, samples)
+
+
+def _on_section(spec: Any, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points (n, d) with the coordinate that is constant on a section."""
+    if not isinstance(spec, Section):
+        return points
+    place = [c.name for c in spec.system.axes].index(spec.section[0])
+    return np.insert(points, place, spec.section[1], axis=1)
+
+
+def _is_flow(point_map: PointMap) -> bool:
+    return isinstance(point_map.without_table.spec, Stroboscopic | Section)
+
+
+def _parameters(exact: PointMap, names: tuple[str, ...], values: NDArray[np.float64]) -> Any:
+    """Return the named tuple of parameters, of which some are arrays (n,)."""
+    given = dict(exact.params) | dict(zip(names, values.T, strict=True))
+    return parameter_record(tuple(given))(*given.values())
+
+
+def _lengths(point_map: PointMap, names: tuple[str, ...], values: NDArray[np.float64]) -> Any:
+    """Return the periods (n,) of a stroboscopic map, or 1."""
+    spec = point_map.without_table.spec
+    period: Any = spec.system.period if isinstance(spec, Stroboscopic) else 1.0
+    return over_arrays(period)(_parameters(point_map.without_table, names, values)) if callable(period) else period
 
 
 def _finer(spec: Stroboscopic, finest: float) -> Stroboscopic:
@@ -244,7 +299,7 @@ def _reduced(
     measure: PeriodMeasure, signals: NDArray[np.float64], harmonics: NDArray[np.complex128] | None, point_map: PointMap
 ) -> NDArray[np.float64]:
     """Return a measure (n,) of signals (n, times); without harmonics they do not return."""
-    smooth = isinstance(point_map.without_table.spec, Stroboscopic)
+    smooth = _is_flow(point_map)
     if measure in {PeriodMeasure.MEAN, PeriodMeasure.NORM}:
         means = signals if measure is PeriodMeasure.MEAN else signals**2
         if harmonics is None:

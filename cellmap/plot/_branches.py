@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .._lib.signatures import checked
 from ..bifurcations.branch import Bifurcation, Branch
+from ..bifurcations.function_zeros import FunctionZero
 from ..bifurcations.kinds import BifurcationKind
 from ..bifurcations.period_measures import Quantity, measured
 from ..maps.coordinates import Coordinate, difference
@@ -120,8 +121,8 @@ def branches(
             if len(marks):
                 ax.plot(*marks.T, MARKERS[kind], color=own, markeredgecolor="black", markersize=5.0, zorder=3)
                 kinds.add(kind)
-        for zero in dict.fromkeys(kind for kind in trace.kinds if kind and kind not in MARKERS):
-            mark_zeros(ax, [(str(zero), place) for place in trace.marks(zero)])
+        for zero in (z for z in trace.kinds if isinstance(z, FunctionZero)):
+            mark_zeros(ax, [(zero.name, place) for place in trace.marks(zero)])
     label_axis(ax.yaxis, shown_as, max(trace.span for trace in traces))
     ax.set_xlabel(name)
     if legend:
@@ -143,7 +144,7 @@ class _Trace:
 
     curves: NDArray[np.float64]
     stable: NDArray[np.bool_]
-    kinds: list[str | None]
+    kinds: list[BifurcationKind | FunctionZero | None]
     axes: tuple[Coordinate, Coordinate]
 
     @classmethod
@@ -184,9 +185,9 @@ class _Trace:
         ]
         return np.concatenate(rows[:-1]) if rows else np.empty((0, 2))
 
-    def marks(self, kind: str) -> NDArray[np.float64]:
-        """Return the places (m, 2) of bifurcations of one kind, or of zeros of one name."""
-        here = [k for k, other in enumerate(self.kinds) if other == kind]
+    def marks(self, kind: BifurcationKind | FunctionZero) -> NDArray[np.float64]:
+        """Return the places (m, 2) of bifurcations of one kind, or of a zero."""
+        here = [k for k, other in enumerate(self.kinds) if other is kind]
         places = self.curves[:, here].reshape(-1, 2).copy()
         axis = self.axes[1]
         if axis.period is not None and axis.lower is not None:
@@ -196,15 +197,15 @@ class _Trace:
 
 def _places(
     branch: Branch, birth: Bifurcation | None
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], list[str | None]]:
-    """Return the parameter (n,), states (n, d), and kinds (n) of bifurcations or names of zeros, from its birth on.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], list[BifurcationKind | FunctionZero | None]]:
+    """Return the parameter (n,), states (n, d), and the bifurcations and zeros (n) there, from its birth on.
 
     Also whether the pieces (n - 1) between them are stable.
     """
     values: list[float] = [] if birth is None else [birth.value]
     states: list[NDArray[np.float64]] = [] if birth is None else [birth.point]
     counts: list[int] = [] if birth is None else [int(branch.unstable[0])]
-    kinds: list[str | None] = [] if birth is None else [None]
+    kinds: list[BifurcationKind | FunctionZero | None] = [] if birth is None else [None]
     special = branch.special_points
     for k, count in enumerate(branch.unstable.tolist()):
         values.append(float(branch.values[k]))
@@ -219,7 +220,7 @@ def _places(
         for point in here:
             values.append(point.value)
             states.append(point.point)
-            kinds.append(point.kind if isinstance(point, Bifurcation) else point.name)
+            kinds.append(point.kind if isinstance(point, Bifurcation) else point)
             counts.append(point.after if isinstance(point, Bifurcation) else counts[-1])
     return np.array(values), np.array(states), np.array(counts[:-1]) == 0, kinds
 

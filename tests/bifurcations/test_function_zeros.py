@@ -126,7 +126,7 @@ def test_branch_cuts_are_no_zeros_and_functions_that_vanish_are_refused() -> Non
 
 def test_labels_in_figures_tables_and_files(linear: Branch, tmp_path: Path) -> None:
     ax = plot.branches(linear, measure="amplitude")
-    assert [t.get_text() for t in ax.texts] == ["level", "level", "peak", "w=1"]
+    assert [t.get_text() for t in ax.texts] == [z.name for z in linear.zeros]
     table = to_dataframe(linear.special_points)
     assert list(table["kind"]) == ["level", "peak", "w=1", "level"]
     lines = save_auto(linear, tmp_path / "b.linear", measures=True).read_text().splitlines()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from math import cos, pi, sin
+from math import cos, exp, pi, sin
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.special import iv
 
 from cellmap import (
     ForcedSystem,
@@ -18,6 +19,7 @@ from cellmap import (
     discrete_map,
     periodic_orbit,
     plot,
+    section_map,
     stroboscopic_map,
 )
 from cellmap.bifurcations import (
@@ -175,3 +177,29 @@ def test_tables_and_labelled_arrays_have_columns_of_functions(resonance: Branch)
         from_xarray(diagram.to_xarray()).measure("x")
     with pytest.raises(TypeError, match="functions="):
         to_dataframe(resonance.bifurcations, least)
+
+
+def test_limit_cycles_have_their_amplitude_whatever_the_section() -> None:
+    # Hopf: x' = a x - y - x r^2, y' = x + a y - y r^2 has the circle of radius sqrt(a), once in 2 pi.
+    def hopf(t: Any, s: Any, p: Any) -> Any:
+        x, y = s
+        (a,) = p
+        square = x**2 + y**2
+        return a * x - y - x * square, x + a * y - y * square
+
+    system = ForcedSystem(hopf, {"a": 0.5}, 1.0, ("x", "y"))
+    section = section_map(system, ("y", 0.0, 1), rtol=1e-11, atol=1e-11)
+    branch = continue_orbit(section, periodic_orbit(section, [0.7]), "a", 0.1, 1.0, step=0.1)
+    radius = np.sqrt(branch.values)
+    for quantity, measure, expected in (
+        ("x", "maximum", radius),
+        ("y", "minimum", -radius),
+        ("y", "norm", radius / np.sqrt(2.0)),
+        (lambda t, s, p: s[0] ** 2 + s[1] ** 2 + sin(t) ** 2, "mean", branch.values + 0.5),
+        ("y", None, 0.0 * radius),
+        (lambda t, s, p: exp(3.0 * s[1]), "mean", iv(0, 3.0 * radius)),
+        (lambda t, s, p: exp(3.0 * s[1]), "maximum", np.exp(3.0 * radius)),
+    ):
+        np.testing.assert_allclose(branch.measure(quantity, measure), expected, rtol=1e-9, atol=1e-12)
+    (zero,) = branch.with_zeros({"half": OrbitFunction("y", "amplitude", value=0.5)}).zeros
+    assert zero.value == pytest.approx(0.25, abs=1e-11)
