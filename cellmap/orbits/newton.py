@@ -25,8 +25,10 @@ _FREE_ITERATIONS = 4  # steps in which the residual may rise
 _SMALLEST_FRACTION = 1e-3  # of a step, below which there is no hope
 _LONGEST = 0.25  # damped step, in extents
 _SMALL = 1e-8  # step that may be the last one, if the next would be rounding;
-_STALLED = 1e-7  # a step below this and one after it that is hardly shorter are what the errors of images leave;
-_SHRINKING = 0.75  # steps to a double solution become shorter by half, and to a triple one by a third
+_STALLED = 1e-7  # steps below this that hardly get shorter are what the errors of images leave,
+_PATIENCE = 4  # if so many of them follow one another, or none that is damped helps;
+_RESIDUAL, _AMPLIFIED = 1e-8, 1e-10  # residual of a solution, and the same in units of the largest derivative
+_SHRINKING = 0.75  # those to a double solution get shorter by half, and to a triple one by a third
 _ROUNDING = 1e-15
 _CLOSED = 4e-15  # residual that is rounding
 _SINGULAR = 1e-14  # determinant
@@ -64,7 +66,8 @@ def solutions(
     base, points = np.array(guesses, dtype=float), np.array(guesses, dtype=float)
     n, d = base.shape
     steps, slopes, fraction = np.full((n, d), np.inf), np.tile(np.eye(d), (n, 1, 1)), np.ones(n)
-    sizes, lengths, settled = np.full(n, np.inf), np.full(n, np.inf), np.zeros(n, bool)
+    sizes, lengths, stalls = np.full(n, np.inf), np.full(n, np.inf), np.zeros(n, np.int64)
+    solved, settled = np.zeros(n, bool), np.zeros(n, bool)
     active = np.flatnonzero(np.isfinite(base).all(axis=-1))
     for iteration in range(_ITERATIONS):
         if not len(active):
@@ -80,7 +83,6 @@ def solutions(
                 foreseen = np.linalg.solve(slopes[active], residual[..., None])[..., 0]
                 before = np.linalg.norm(steps[active] / extent, axis=-1)
                 falls = np.linalg.norm(foreseen / extent, axis=-1) <= (1.0 - 0.25 * fraction[active]) * before
-                falls |= lengths[active] <= _STALLED
             else:
                 falls = (iteration < _FREE_ITERATIONS) | (size < 0.5 * sizes[active]) | (size < 1e-9)
         taken = finite & falls & ~closed
@@ -91,12 +93,17 @@ def solutions(
         again = active[~taken & ~closed] if damped else active[:0]
         fraction[again] *= 0.5
         points[again] = base[again] + fraction[again, None] * np.where(np.isfinite(steps[again]), steps[again], np.nan)
-        again = again[(fraction[again] > _SMALLEST_FRACTION) & np.isfinite(points[again]).all(axis=-1)]
+        hopeful = (fraction[again] > _SMALLEST_FRACTION) & np.isfinite(points[again]).all(axis=-1)
+        again, ended = again[hopeful], again[~hopeful]
+        points[ended], settled[ended] = base[ended], solved[ended] & (lengths[ended] <= _STALLED)
         rows = active[regular]
         step = np.linalg.solve(there[regular], -residual[regular][..., None])[..., 0]
         length, last = np.abs(step / scale[regular]).max(axis=-1, initial=0.0), lengths[rows]
-        stalled = (last <= _STALLED) & (length > _SHRINKING * last)
-        done = stalled | _is_last(length, last)
+        stalls[rows] = np.where((last <= _STALLED) & (length > _SHRINKING * last), stalls[rows] + 1, 0)
+        # Where derivatives are large, a short step may still be far from a solution.
+        solved[rows] = size[regular] <= _RESIDUAL + _AMPLIFIED * np.abs(there[regular]).max(axis=(-2, -1), initial=0.0)
+        stalled = solved[rows] & (stalls[rows] >= _PATIENCE)
+        done = stalled | (solved[rows] & _is_last(length, last)) | (length <= _ROUNDING)
         if damped:
             longest = np.abs(step / extent).max(axis=-1, initial=0.0)
             longest = np.minimum(np.minimum(1.0, 2.0 * fraction[rows]), _LONGEST / np.maximum(longest, 1e-300))
@@ -110,14 +117,13 @@ def solutions(
 
 
 def _is_last(lengths: NDArray[np.float64], before: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return where a step is rounding, or the next would be, by quadratic convergence, from the lengths of both.
+    """Return where the next step would be rounding, by quadratic convergence, from the lengths of the last two.
 
     Close to a fold, or to a critical point of the map, convergence is quadratic only at the very end.
     """
     with np.errstate(invalid="ignore"):
         ratio = np.where(np.isfinite(before), lengths / np.maximum(before, 1e-300), 1.0)
-    foreseen = (lengths <= _SMALL) & (lengths * ratio**2 <= _ROUNDING)
-    return np.asarray(foreseen | (lengths <= _ROUNDING))
+    return np.asarray((lengths <= _SMALL) & (lengths * ratio**2 <= _ROUNDING))
 
 
 def newton(

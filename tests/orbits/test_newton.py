@@ -25,7 +25,7 @@ def test_steps_go_on_until_they_stop_falling(multiplicity, damped):
 
 
 @pytest.mark.parametrize("damped", [False, True])
-@pytest.mark.parametrize("noise", [1e-14, 1e-12, 1e-9])
+@pytest.mark.parametrize("noise", [1e-14, 1e-12, 1e-10])
 def test_errors_of_images_end_it_where_they_leave_the_solution(noise, damped):
     """The cosine of x is x at 0.7390851332151607 (Bertrand 1865)."""
 
@@ -48,3 +48,16 @@ def test_parameters_that_differ_from_guess_to_guess_are_held():
     assert settled.all()
     assert np.array_equal(points[:, 2:], guesses[:, 2:])
     np.testing.assert_allclose(points[:, :2], np.stack([x, b * x], axis=-1), rtol=1e-13)
+
+
+@pytest.mark.parametrize("damped", [False, True])
+def test_what_stops_falling_far_from_a_solution_is_none(damped):
+    """T_3 = 4 x^3 - 3 x has periodic points cos(2 pi k / (3^n -+ 1)), which are less than 1e-7 apart next to 1."""
+    cubic = discrete_map(lambda x, p: (4 * x[0] ** 3 - 3 * x[0],), {}, ("x",))
+    guesses = np.concatenate([1.0 - np.geomspace(1e-9, 1e-2, 3000), np.linspace(-1.0, 1.0, 3000)])[:, None]
+    points, settled = newton(cubic, guesses, np.full(len(guesses), 8), np.ones(1), 1.0, damped=damped)
+    angles = np.arccos(np.clip(points[settled, 0], -1.0, 1.0)) / (2.0 * np.pi)
+    apart = [np.abs(angles * m - np.round(angles * m)) / m for m in (3**8 - 1, 3**8 + 1)]
+    assert settled.sum() > 3000
+    # The slope of T_3^8 is at least 3^8, so that it is known to rounding where cosines are.
+    assert np.minimum(*apart).max() < 1e-9
