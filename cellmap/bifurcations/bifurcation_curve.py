@@ -95,7 +95,9 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
     def with_zeros(self, functions: Mapping[str, Quantity | OrbitFunction]) -> BifurcationCurve:
         """Return the curve with the zeros and extreme values of functions, as :meth:`Branch.with_zeros` does."""
         problem, unknowns = self._problem, np.array([p.unknowns for p in self._places])
-        return replace(self, zeros=tuple(zeros_on(problem, problem.orbits, self.parameters, unknowns, functions)))
+        closed = self.ends == ("closed", "closed")
+        found = zeros_on(problem, problem.orbits, self.parameters, unknowns, functions, closed=closed)
+        return replace(self, zeros=tuple(found))
 
     @checked
     def codimension_two(self, progress: bool = False) -> tuple[CodimensionTwo, ...]:

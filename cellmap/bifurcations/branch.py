@@ -188,8 +188,8 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         """Return the branch with the zeros and extreme values of functions of its orbits, which become its `zeros`.
 
         Zeros are located as bifurcations are, to rounding, where a function changes its sign between two points of the
-        branch; two zeros between neighbouring points are missed.  They are drawn, and written to files for AUTO (UZ);
-        :func:`continue_bifurcation` continues them in a second parameter.
+        branch; two zeros between neighbouring points are missed, and those where it is not known.  They are drawn, and
+        written to files for AUTO (UZ); :func:`continue_bifurcation` continues them in a second parameter.
 
         Parameters
         ----------
@@ -228,7 +228,8 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         found = list[FunctionZero]()
         for part in self._parts:
             unknowns = part.unknowns / part.problem.scale
-            found += zeros_on(part.problem, part.problem, (self.parameter,), unknowns, functions, part.first)
+            closed = len(self._parts) == 1 and self.ends == ("closed", "closed")
+            found += zeros_on(part.problem, part.problem, (self.parameter,), unknowns, functions, part.first, closed)
         return replace(self, zeros=tuple(found))
 
     @property

@@ -102,11 +102,15 @@ def zeros_on(
     unknowns: NDArray[np.float64],
     functions: Mapping[str, Quantity | OrbitFunction],
     first: int = 0,
+    closed: bool = False,
 ) -> list[FunctionZero]:
     """Return where functions are zero, or extreme, between solutions (n, ...) of the equations of a branch or curve.
 
-    The places are numbered from `first` on.
+    The places are numbered from `first` on.  The last point of a closed curve is the first one.
     """
+    last = len(unknowns) - 1
+    if closed:
+        unknowns = np.vstack([unknowns, unknowns[-1] + unknowns[1] - unknowns[0]])
     found: list[tuple[int, float, FunctionZero]] = []
     for name, function in as_functions(functions).items():
 
@@ -131,8 +135,8 @@ def zeros_on(
         level = max(float(np.abs(unknowns * orbits.scale).max()), abs(function.value))
         if np.nanmax(np.abs(own)) <= _ROUNDING * level:
             raise ValueError(f"functions[{name!r}]: it is zero at all points; give one that changes")
-        seen: set[int] = set()
-        for k in _turns(own) if function.extremum else range(len(own) - 1):
+        seen = {0} if closed else set[int]()
+        for k in _turns(own) if function.extremum else range(last):
             chord = unknowns[k + 1] - unknowns[k]
             length = float(np.linalg.norm(chord))
             begin, end = (SolutionPoint(u, np.empty((0, 0)), chord / length) for u in unknowns[k : k + 2])
@@ -145,8 +149,10 @@ def zeros_on(
             if place is not None:
                 state, d = orbits.once(place.unknowns * orbits.scale), orbits.dimension
                 point, factors = wrap(state[:d], orbits.point_map.coordinates), problem.multipliers(place)
-                zero = FunctionZero(name, function, names, state[d:], point, factors, first + k, place.unknowns, orbits)
-                found.append((k, float(np.linalg.norm(place.unknowns - unknowns[k])), zero))
+                zero = FunctionZero(
+                    name, function, names, state[d:], point, factors, first + k % last, place.unknowns, orbits
+                )
+                found.append((k % last, float(np.linalg.norm(place.unknowns - unknowns[k])), zero))
     return [zero for *_, zero in sorted(found, key=lambda f: f[:2])]
 
 

@@ -134,3 +134,17 @@ def test_labels_in_figures_tables_and_files(linear: Branch, tmp_path: Path) -> N
     assert [float(line[19:38]) for line in users] == pytest.approx([z.value for z in linear.zeros], rel=1e-10)
     assert float(users[1][57:76]) == pytest.approx(1.0 / np.sqrt(0.02**2 + 0.04 * 0.98), rel=1e-9)
     plt.close("all")
+
+
+def test_a_closed_branch_has_each_zero_once() -> None:
+    # Fixed points on the circle x^2 + q^2 = 1, from q = 0 on.
+    isola = discrete_map(lambda x, p: (x[0] + 0.3 * (1.0 - x[0] ** 2 - p.q**2),), {"q": 0.0}, ("x",))
+    branch = continue_orbit(isola, periodic_orbit(isola, [1.0]), "q", -1.5, 1.5, step=0.05)
+    assert branch.ends == ("closed", "closed")
+    np.testing.assert_allclose(branch.points[[0, -1], 0], 1.0, rtol=1e-13)
+    functions = {"q": lambda t, x, p: p.q, "half": lambda t, x, p: p.q - 0.5, "x": OrbitFunction("x", extremum=True)}
+    found = sorted((z.name, z.point[0]) for z in branch.with_zeros(functions).zeros)
+    side = np.sqrt(0.75)
+    expected = [("half", -side), ("half", side), ("q", -1.0), ("q", 1.0), ("x", -1.0), ("x", 1.0)]
+    assert [name for name, _ in found] == [name for name, _ in expected]
+    np.testing.assert_allclose([x for _, x in found], [x for _, x in expected], atol=1e-9)
