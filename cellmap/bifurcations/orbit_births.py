@@ -42,7 +42,7 @@ class OrbitBirth:
     @classmethod
     def at(cls, name: str, old: SingularOrbits, origin: NDArray[np.float64], times: int) -> OrbitBirth | None:
         """Return the birth of orbits of some times the period of an orbit on a curve; None where it is not found."""
-        matrix, d = old.matrices(origin), old.orbits.dimension
+        matrix, d = old.orbits.factors(old.orbits(origin)[1])[0], old.orbits.dimension
         critical = {1: 1.0, 2: -1.0, 4: 1j}[times]
         left, _, right = np.linalg.svd(matrix - critical * np.eye(d))
         q, p = right[-1].conj(), left[:, -1].conj() if times == 4 else right[-1]

@@ -45,17 +45,9 @@ class SingularOrbits:
     kind: BifurcationKind
     origin: Vectors
 
-    def matrix(self, place: SolutionPoint) -> NDArray[np.float64]:
-        """Return the monodromy matrix."""
-        return self.orbits.matrix(self._orbit(place))
-
     def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
         """Return the multipliers, by decreasing modulus."""
         return self.orbits.multipliers(self._orbit(place))
-
-    def matrices(self, unknowns: Vectors) -> NDArray[np.float64]:
-        """Return the monodromy matrices at unknowns (..., d + 2) of orbits in one segment."""
-        return self.orbits.factors(self.orbits(unknowns)[1])[..., 0, :, :]
 
     def _orbit(self, place: SolutionPoint) -> SolutionPoint:
         """Return the place as a solution of the equations of the orbit alone."""
@@ -88,15 +80,13 @@ class SingularOrbits:
     def __call__(self, unknowns: Vectors) -> tuple[Vectors, NDArray[np.float64]]:
         """Return residuals (n d + 1,) and their derivatives (n d + 1, n d + 2) at unknowns (n d + 2,)."""
         residual, slopes = self.orbits(unknowns)
-        states, d = self.orbits.states, self.orbits.dimension
+        states = self.orbits.states
         if not np.isfinite(slopes).all():
             return np.full(states + 1, np.nan), np.full((states + 1, len(unknowns)), np.nan)
         if self.kind is BifurcationKind.NEIMARK_SACKER:
             test, gradient = self._of_areas(unknowns, slopes)
             return np.append(residual, test), np.vstack([slopes, gradient])
-        block = slopes[:, :states].copy()
-        if self.kind is BifurcationKind.PERIOD_DOUBLING:
-            block[-d:, :d] += 2.0 * np.eye(d)
+        block = self.orbits.twisted(slopes) if self.kind is BifurcationKind.PERIOD_DOUBLING else slopes[:, :states]
         null, size, gradient = smallest(self.orbits, unknowns, block)
         if self.kind is BifurcationKind.PITCHFORK:
             broken = null @ (unknowns - self.origin)[:states]

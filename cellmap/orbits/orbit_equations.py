@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -102,8 +103,8 @@ class OrbitProblem:
         return blocks + np.eye(d) if n == 1 else blocks
 
     def matrix(self, place: SolutionPoint) -> NDArray[np.float64]:
-        """Return the monodromy matrix, in units of `scale`."""
-        return place.derivatives[:, : self.dimension] + np.eye(self.dimension)
+        """Return the monodromy matrix, in units of `scale`; its small eigenvalues are lost beside large ones."""
+        return functools.reduce(lambda product, factor: factor @ product, self.factors(place.derivatives))
 
     def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
         """Return the multipliers, by decreasing modulus."""
@@ -123,11 +124,17 @@ class OrbitProblem:
 
     def growth(self, place: SolutionPoint) -> float:
         """Return the largest factor by which a deviation grows between two places at which the orbit is known."""
-        return float(np.linalg.norm(self.matrix(place)))
+        return float(np.linalg.norm(self.factors(place.derivatives), axis=(1, 2)).max())
+
+    def twisted(self, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return derivatives by the states with the sign of the last node's image changed: singular at a doubling."""
+        block, d = slopes[:, : self.states].copy(), self.dimension
+        block[-d:, :d] += 2.0 * np.eye(d)
+        return block
 
     def flipped(self, place: SolutionPoint) -> NDArray[np.float64]:
         """Return the direction, in all unknowns, in which an orbit of twice the period leaves a period doubling."""
-        null = np.linalg.svd(self.matrix(place) + np.eye(self.dimension))[2][-1]
+        null = np.linalg.svd(self.twisted(place.derivatives))[2][-1]
         return np.append(null, np.zeros(len(self.scale) - self.states))
 
     def over(self, rounds: int, shrinking: float, span: float) -> OrbitProblem:
@@ -140,7 +147,7 @@ class OrbitProblem:
 
     def once(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the first state and the parameters (d + m,) of unknowns in their units."""
-        return unknowns
+        return np.append(unknowns[: self.dimension], unknowns[self.states :])
 
     def through(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the unknowns of the orbit through a state and parameters (d + m,)."""

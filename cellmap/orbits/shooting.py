@@ -115,10 +115,6 @@ class ShootingProblem(OrbitProblem):
         copies = [sign**k * unknowns[:states] for k in range(rounds)]
         return np.concatenate([*copies, unknowns[states:]])
 
-    def once(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the first state and the parameters (d + m,) of unknowns in their units."""
-        return np.append(unknowns[: self.dimension], unknowns[self.states :])
-
     def opened(self, born: OrbitProblem, unknowns: NDArray[np.float64]) -> float:
         """Return by how much an orbit of twice the period, a solution of other equations, fails to close after one."""
         first, second = unknowns[: born.states].reshape(2, -1)
@@ -140,13 +136,6 @@ class ShootingProblem(OrbitProblem):
         points, multipliers = nodes[::count], self.multipliers(place)
         return PeriodicOrbit(self.period, points, rotations, matrix, multipliers, axes, exact.params)
 
-    def matrix(self, place: SolutionPoint) -> NDArray[np.float64]:
-        """Return the monodromy matrix; its small eigenvalues are lost beside large ones."""
-        product = np.eye(self.dimension)
-        for factor in self.factors(place.derivatives):
-            product = factor @ product
-        return product
-
     def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
         """Return the multipliers, by decreasing modulus."""
         return multipliers_of_product(self.factors(place.derivatives))
@@ -167,17 +156,6 @@ class ShootingProblem(OrbitProblem):
         i, j = np.triu_indices(len(found), 1)
         products = found[i] * found[j]
         return float(np.prod((products - 1.0) / (1.0 + np.abs(products))).real)
-
-    def growth(self, place: SolutionPoint) -> float:
-        """Return the largest factor by which a deviation grows from a node to the next one."""
-        return float(np.linalg.norm(self.factors(place.derivatives), axis=(1, 2)).max())
-
-    def flipped(self, place: SolutionPoint) -> NDArray[np.float64]:
-        """Return the direction, in all unknowns, in which an orbit of twice the period leaves a period doubling."""
-        d, n = self.dimension, self.nodes
-        twisted = place.derivatives[:, : n * d].copy()
-        twisted[-d:, :d] += 2.0 * np.eye(d) if n > 1 else 0.0
-        return np.append(np.linalg.svd(twisted)[2][-1], np.zeros(len(self.scale) - n * d))
 
 
 def _nodes(problem: OrbitProblem, parts: tuple[TangentMap, ...], state: NDArray[np.float64]) -> NDArray[np.float64]:
