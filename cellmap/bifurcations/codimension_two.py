@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -146,22 +147,28 @@ def points_on(
             tick(len(factors))
     everywhere = _vanishing(own)
     found: dict[tuple[int, float, CodimensionTwoKind], SolutionPoint] = {}
-    known: dict[CodimensionTwoKind, int] = {}
-    for j, end in enumerate(places):
-        check_stop()
-        here = own[j].keys() - everywhere
+    for kind in sorted({kind for there in own for kind in there} - everywhere):
         # Where a test function is not known, the next place where it is has the last one as its neighbour.
-        for kind, k in ((kind, known[kind]) for kind in here & known.keys()):
-            begin, values = places[k], (own[k][kind].value, own[j][kind].value)
-            part = ContinuationStep(problem, begin, end, float(begin.tangent @ (end.unknowns - begin.unknowns)))
+        line = [k for k, there in enumerate(own) if kind in there]
+        lengths = np.linalg.norm(np.diff(unknowns[line], axis=0), axis=1)
+        values = np.array([own[k][kind].value for k in line])
+        for i, (k, j) in enumerate(pairwise(line)):
+            check_stop()
             test = functools.partial(tests.at, frame=frames[k], kind=kind)
-            double = kind is CodimensionTwoKind.DOUBLE_NEIMARK_SACKER
-            place = part.zero(test, values, functools.partial(tests.double, part, values) if double else None)
-            if place is end:
-                found[j, 0.0, kind] = end
-            elif place is not None:
-                found[k, abs(part.along(place.unknowns)), kind] = place
-        known |= dict.fromkeys(here, j)
+            step, ends = _step(problem, places[k], places[j]), (values[i], values[i + 1])
+            pieces = [(step, ends)]
+            dip = _dip(lengths[max(i - 1, 0) : i + 2], values[max(i - 1, 0) : i + 3], min(i, 1))
+            middle = None if dip is None else step.at(dip * step.length)
+            if middle is not None and (value := test(middle)) * ends[0] < 0.0:
+                halves = _step(problem, places[k], middle), _step(problem, middle, places[j])
+                pieces = list(zip(halves, pairwise((ends[0], value, ends[1])), strict=True))
+            for piece, two in pieces:
+                double = kind is CodimensionTwoKind.DOUBLE_NEIMARK_SACKER
+                place = piece.zero(test, two, functools.partial(tests.double, piece, two) if double else None)
+                if place is places[j]:
+                    found[j, 0.0, kind] = place
+                elif place is not None:
+                    found[k, abs(step.along(place.unknowns)), kind] = place
     last = len(places) - 2
     points = (
         _point(problem, names, min(k, last), kind, place)
@@ -169,6 +176,29 @@ def points_on(
         if tests.confirms(kind, place)
     )
     return tuple(points), everywhere
+
+
+def _step(problem: SingularOrbits, begin: SolutionPoint, end: SolutionPoint) -> ContinuationStep:
+    return ContinuationStep(problem, begin, end, float(begin.tangent @ (end.unknowns - begin.unknowns)))
+
+
+def _dip(lengths: NDArray[np.float64], values: NDArray[np.float64], number: int) -> float | None:
+    """Return which part of one of two or three steps leads to where a test function may be zero on both sides; or None.
+
+    That is where the parabola through three of its values is nearest to zero, at less than half of them.
+    """
+    for k in range(len(lengths) - 1):
+        (a, b), (before, here, after) = lengths[k : k + 2], values[k : k + 3]
+        bend = ((after - here) / b - (here - before) / a) / (a + b)
+        slope = (here - before) / a + bend * a
+        if not bend * here > 0.0:
+            continue
+        along = -slope / (2.0 * bend)
+        nearest = here + 0.5 * slope * along
+        inside = 0.0 < along < b if number == k + 1 else -a < along < 0.0
+        if k <= number <= k + 1 and inside and min(before * here, here * after) > 0.0 and nearest / here < 0.5:
+            return float(along / b if number == k + 1 else 1.0 + along / a)
+    return None
 
 
 def _vanishing(values: Sequence[dict[CodimensionTwoKind, _TestValue]]) -> frozenset[CodimensionTwoKind]:

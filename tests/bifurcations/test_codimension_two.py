@@ -180,6 +180,17 @@ def test_a_chenciner_bifurcation() -> None:
     np.testing.assert_allclose(found.values, 0.0, atol=1e-11)
 
 
+@pytest.mark.parametrize("apart", [0.02, 1e-4])
+def test_two_chenciner_bifurcations_within_a_step(apart: float) -> None:
+    def ring(x: Any, p: Any) -> Any:
+        r = x[0] ** 2 + x[1] ** 2
+        return rotated(x, 1 + p.p + ((p.q - 0.013) ** 2 - apart**2) * r - r**2)
+
+    points = curve_of(of_two(ring, -0.2, 0.33, "x", "y"), [0.0, 0.0], NEIMARK_SACKER).codimension_two()
+    assert {p.kind for p in points} == {POINT.CHENCINER}
+    np.testing.assert_allclose(sorted(p.values[1] for p in points), [0.013 - apart, 0.013 + apart], atol=1e-11)
+
+
 def test_fold_and_flip_with_neimark_sacker() -> None:
     # u = sqrt(q) has the multiplier 1 - 2 u, and the plane 1 + p + u/2: p = -u/2 on the curve.  The coefficient is
     # -1 + 0.3/(4 u), zero at u = 0.075.
