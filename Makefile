@@ -19,7 +19,7 @@ export PIP_CONSTRAINT := $(PINS)
 export PIP_BUILD_CONSTRAINT := $(PINS)
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-docs basins figures test test-all test-newest mutants check check-code check-pins check-site bench docs pins clean
+.PHONY: help env env-docs basins figures test test-all test-newest mutants size check check-code check-pins check-site bench docs pins clean
 
 help:
 	@echo "make basins       basins of the driven pendulum (figure 19), into studies/output/"
@@ -28,6 +28,7 @@ help:
 	@echo "make test-all     slow tests as well"
 	@echo "make mutants      share of small changes of the code that the tests of the same room notice"
 	@echo "make test-newest  fast tests with the newest packages, in an environment of their own"
+	@echo "make size         lines of code in each subpackage"
 	@echo "make check        check-code, check-pins and check-site"
 	@echo "make check-code   format, lint, types, import contracts"
 	@echo "make check-pins   whether all Pythons from $(OLDEST_PYTHON) to $(NEWEST_PYTHON) can install constraints.txt"
@@ -87,6 +88,9 @@ mutants: export OPENBLAS_NUM_THREADS ?= 1
 mutants: env
 	$(INSTALL) coverage
 	nice -n 15 $(RUN) tests/mutation/run.py $(MUTANTS)
+
+size: env
+	@$(RUN) tests/size/run.py cellmap systems
 
 # The same versions for all Pythons where that is possible; those that came later than these take what is the newest.
 PIN = pip compile --quiet --no-annotate --no-header --all-extras pyproject.toml - -o
