@@ -151,7 +151,8 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         ndarray, shape (n,)
             Values, in the unit of the quantity; NaN where it does not return after the period, as an angle that makes
             full rotations.  Extreme values are those of a trigonometric polynomial through samples that resolve the
-            quantity; for discrete maps they are those of the points of the orbit.
+            quantity; for discrete maps they are those of the points of the orbit.  The error is that of the integration
+            over a period, which grows with the largest multiplier; NaN too where it exceeds 1e-5 of the quantity.
 
         Raises
         ------
