@@ -47,7 +47,7 @@ MADE_BY = {
     "FractalTest": "fractal_boundary_test",
     "GeneralizedDimensions": "generalized_dimensions",
     "KaplanYorke": "kaplan_yorke_dimension",
-    "FunctionZero": "Branch.with_zeros or BifurcationCurve.with_zeros",
+    "FunctionZero": "continue_orbit, among the zeros of Branch.with_zeros",
     "LyapunovSpectrum": "lyapunov_spectrum",
     "Manifold": "saddle_manifold",
     "MergingTest": "wada_merging",

@@ -83,6 +83,8 @@ class OrbitFunction:
 
 def as_functions(given: Mapping[str, Quantity | OrbitFunction] | None) -> dict[str, OrbitFunction]:
     """Return functions of orbits by their names; a quantity stands for itself at the first point."""
+    if not isinstance(given, Mapping | None):
+        raise TypeError(f"functions={shown(given)}: give a mapping of names to functions of orbits, such as {{'x': 0}}")
     return {name: f if isinstance(f, OrbitFunction) else OrbitFunction(f) for name, f in (given or {}).items()}
 
 

@@ -55,6 +55,8 @@ def sample(name: str) -> Any:
             return cellmap.certify(interpolated())
         case "Bifurcation":
             return sample("Branch").bifurcations[0]
+        case "FunctionZero":
+            return doublings_of_henon().with_zeros({"x": cellmap.bifurcations.OrbitFunction(0, value=0.5)}).zeros[0]
         case "BifurcationCurve":
             return doublings_of_henon()
         case "CodimensionTwo":
@@ -112,6 +114,8 @@ GIVEN: dict[str, Callable[[], Any]] = {
     "tree": lambda: sample("Basins").to_xarray(),
     "cells": lambda: (0.5, 1.5),
     "keys": lambda: np.array([1, 2]),
+    "functions": lambda: {"x": cellmap.bifurcations.OrbitFunction(0, value=0.5)},
+    "place": lambda: 1,
     "mask": lambda: np.arange(32) % 2 == 0,
     "before": lambda: 0,
     "after": lambda: 0,

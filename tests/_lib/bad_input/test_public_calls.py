@@ -250,7 +250,7 @@ def test_records_are_made_by_what_the_errors_name() -> None:
         for function in functions:
             if inspect.isfunction(public_things()[function]):
                 returned = str(inspect.signature(public_things()[function]).return_annotation)
-                assert record in returned or record in ("Bifurcation", "CodimensionTwo", "Tangency")
+                assert record in returned or record in ("Bifurcation", "CodimensionTwo", "FunctionZero", "Tangency")
 
 
 def test_checks_take_no_time() -> None:
