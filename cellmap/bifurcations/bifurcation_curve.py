@@ -97,7 +97,9 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
         problem, unknowns = self._problem, np.array([p.unknowns for p in self._places])
         closed = self.ends == ("closed", "closed")
         found = zeros_on(problem, problem.orbits, self.parameters, unknowns, functions, closed=closed)
-        return replace(self, zeros=tuple(found))
+        same = replace(self, zeros=tuple(found))
+        same.__dict__.update({name: kept for name, kept in self.__dict__.items() if name == "_kept"})
+        return same
 
     @checked
     def codimension_two(self, progress: bool = False) -> tuple[CodimensionTwo, ...]:

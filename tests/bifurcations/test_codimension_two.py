@@ -237,6 +237,7 @@ def test_points_are_computed_once_and_in_parts_that_can_be_stopped() -> None:
         curve.codimension_two()
     found = curve.codimension_two(progress=True)
     assert curve.codimension_two() is found
+    assert curve.with_zeros({"none": lambda t, x, p: x[0] - 9.0}).codimension_two() is found
     assert curve.degeneracies() == frozenset()
 
 
