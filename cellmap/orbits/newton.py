@@ -25,8 +25,7 @@ _FREE_ITERATIONS = 4  # steps in which the residual may rise
 _SMALLEST_FRACTION = 1e-3  # of a step, below which there is no hope
 _LONGEST = 0.25  # damped step, in extents
 _SMALL = 1e-8  # step that may be the last one, if the next would be rounding;
-_STALLED = 1e-7  # steps below this that hardly get shorter are what the errors of images leave,
-_PATIENCE = 4  # if so many of them follow one another, or none that is damped helps;
+_STALLED = 1e-7  # a step below this and one after it that is hardly shorter are what the errors of images leave;
 _RESIDUAL, _AMPLIFIED = 1e-7, 1e-10  # residual of a solution, and the same in units of the largest derivative
 _SHRINKING = 0.75  # those to a double solution get shorter by half, and to a triple one by a third
 _ROUNDING = 1e-15
@@ -66,7 +65,7 @@ def solutions(
     base, points = np.array(guesses, dtype=float), np.array(guesses, dtype=float)
     n, d = base.shape
     steps, slopes, fraction = np.full((n, d), np.inf), np.tile(np.eye(d), (n, 1, 1)), np.ones(n)
-    sizes, lengths, stalls = np.full(n, np.inf), np.full(n, np.inf), np.zeros(n, np.int64)
+    sizes, lengths = np.full(n, np.inf), np.full(n, np.inf)
     solved, settled = np.zeros(n, bool), np.zeros(n, bool)
     active = np.flatnonzero(np.isfinite(base).all(axis=-1))
     for iteration in range(_ITERATIONS):
@@ -99,10 +98,9 @@ def solutions(
         rows = active[regular]
         step = np.linalg.solve(there[regular], -residual[regular][..., None])[..., 0]
         length, last = np.abs(step / scale[regular]).max(axis=-1, initial=0.0), lengths[rows]
-        stalls[rows] = np.where((last <= _STALLED) & (length > _SHRINKING * last), stalls[rows] + 1, 0)
         # Where derivatives are large, a short step may still be far from a solution.
         solved[rows] = size[regular] <= _RESIDUAL + _AMPLIFIED * np.abs(there[regular]).max(axis=(-2, -1), initial=0.0)
-        stalled = solved[rows] & (stalls[rows] >= _PATIENCE)
+        stalled = solved[rows] & (last <= _STALLED) & (length > _SHRINKING * last)
         done = stalled | (solved[rows] & _is_last(length, last)) | (length <= _ROUNDING)
         if damped:
             longest = np.abs(step / extent).max(axis=-1, initial=0.0)
