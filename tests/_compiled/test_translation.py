@@ -248,6 +248,7 @@ def test_a_file_that_was_changed_after_it_was_imported_is_not_compiled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What would be compiled is not what was imported."""
+    monkeypatch.setenv("CELLMAP_CACHE_DIR", str(tmp_path / "kernels"))  # an earlier test may have compiled it
     monkeypatch.syspath_prepend(tmp_path)
     file = tmp_path / "changing_loops.py"
     file.write_text(text := "from cellmap._compiled.loops import loop\n@loop\ndef tripled(x):\n    return 3 * x\n")

@@ -35,6 +35,8 @@ NO_FIGURE = {
     "Bifurcation",
     "CodimensionTwo",
     "ConnectingOrbit",
+    "FunctionZero",
+    "OrbitFunction",
     "PeriodicOrbit",
     "PointMap",
     "Refinement",
