@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,12 @@ from ..orbits.orbit_equations import OrbitProblem
 from ..orbits.shooting import ShootingProblem
 
 _NUMBERS = ("value", "before", "after", "place")
+_LOOKS = 5  # orbits of each part that are compared with a map
+_OFF, _OTHER = 1e-6, 1e-4  # scaled distance from solutions, and relative change of multipliers, that are rounding
+
+
+class OtherMapError(ValueError):
+    """A map that is not the one of a branch or curve."""
 
 
 def solutions_of(result: Branch | BifurcationCurve) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -49,18 +57,35 @@ def solutions_of(result: Branch | BifurcationCurve) -> tuple[dict[str, Any], dic
         coords["bifurcations"] = (("bifurcation", "number"), table)
         coords["bifurcation_kinds"] = ("bifurcation", np.array([str(b.kind) for b in result.bifurcations], object))
     divisions = [p.divisions if isinstance(p, ShootingProblem) else 0 for p, _ in parts]
-    return coords, {
+    further = {
         "params": json.dumps(plain(result.point_map.params)),
+        "state_variables": json.dumps([asdict(c) for c in result.point_map.coordinates]),
         "parameters": json.dumps(names),
         "orbit_period": result.period,
         "segments": json.dumps(divisions),
+        "bifurcation_count": len(result.bifurcations) if isinstance(result, Branch) else 0,
     }
+    return coords, {**further, "solutions_sha256": _digest(coords, further)}
+
+
+def _digest(coords: dict[str, Any], further: dict[str, Any]) -> str:
+    digest = hashlib.sha256(json.dumps(further, sort_keys=True).encode())
+    for name, (_, values) in sorted(coords.items()):
+        digest.update(f"{name}{values.shape}".encode())
+        digest.update(repr(values.tolist()).encode() if values.dtype == object else values.astype("<f8").tobytes())
+    return digest.hexdigest()
 
 
 def rebuilt(read: Any, point_map: PointMap | None) -> Branch | BifurcationCurve:
     """Return the branch or curve of arrays that are read."""
     if point_map is None:
-        raise ValueError("point_map=None: give the map of the branch or curve")
+        raise OtherMapError("point_map=None: give the map of the branch or curve")
+    for what, own, other in (
+        ("state variables", point_map.coordinates, read.coordinates),
+        ("parameters", set(point_map.params), set(read.json("params"))),
+    ):
+        if own != other:
+            raise OtherMapError(f"point_map={point_map!r}: it has other {what} than the map of the branch or curve")
     exact = point_map.without_table.with_params(**read.json("params"))
     names, period = tuple(read.json("parameters")), int(read.attributes["orbit_period"])
     swept, problems, unknowns = swept_map(exact, *names), list[OrbitProblem](), list[NDArray[np.float64]]()
@@ -69,15 +94,20 @@ def rebuilt(read: Any, point_map: PointMap | None) -> Branch | BifurcationCurve:
         parts = swept.specified.parts(count) if count else None
         problems.append(OrbitProblem(*common) if parts is None else ShootingProblem(*common, parts))
         unknowns.append(read.array(f"unknowns_{k}"))
+        if count and parts is None:
+            raise OtherMapError(f"point_map={point_map!r}: its orbits cannot be divided into segments, as these are")
     firsts = [0, *np.cumsum([len(u) - 1 for u in unknowns]).tolist()]
+    values, (real, imag) = read.array("parameter_values"), read.array("multipliers")
+    factors = real + 1j * imag
+    for first, equations, block in zip(firsts, problems, unknowns, strict=False):
+        _require_orbits(point_map, names, equations, block, factors[first:])
     each = [p.once(u) for p, block in zip(problems, unknowns, strict=True) for u in block[:-1]]
     states = np.array([*each, problems[-1].once(unknowns[-1][-1])])
-    values, (real, imag) = read.array("parameter_values"), read.array("multipliers")
     before, after = read.attributes["ends"].split(", ")
-    points, factors = wrap(states[:, : exact.dimension], exact.coordinates), real + 1j * imag
+    points = wrap(states[:, : exact.dimension], exact.coordinates)
     if len(names) == 1:
         found: list[Bifurcation] = []
-        if "bifurcations" in read.tree.variables:
+        if read.attributes["bifurcation_count"]:
             kinds, rows = read.tree["bifurcation_kinds"].values, read.array("bifurcations")
             found = [_bifurcation(str(kind), row, problems) for kind, row in zip(kinds, rows, strict=True)]
         pieces = tuple(BranchPart(*piece) for piece in zip(firsts, problems, unknowns, strict=False))
@@ -92,6 +122,41 @@ def rebuilt(read: Any, point_map: PointMap | None) -> Branch | BifurcationCurve:
         along = tangent_of(slopes, chord)
         places.append(SolutionPoint(place, slopes, chord if along is None else along))
     return BifurcationCurve(kind, names, values, points, factors, (before, after), problem, tuple(places))
+
+
+def _require_orbits(
+    point_map: PointMap,
+    names: tuple[str, ...],
+    problem: OrbitProblem,
+    unknowns: NDArray[np.float64],
+    multipliers: NDArray[np.complex128],
+) -> None:
+    """Refuse a map of which some of the solutions (n, ...) are no orbits, or orbits with other multipliers.
+
+    Along a direction in which derivatives are large a residual is as large a multiple of the distance from a solution.
+    """
+    for k in np.unique(np.linspace(0, min(len(unknowns), len(multipliers)) - 1, _LOOKS).astype(int)).tolist():
+        place = unknowns[k] / problem.scale
+        residual, slopes = problem(place)
+        where = ", ".join(f"{n}={v:.6g}" for n, v in zip(names, unknowns[k, -len(names) :].tolist(), strict=True))
+        remedy = "give the map of the branch or curve, with the same formulas"
+        apart = np.inf
+        if np.isfinite(residual).all() and np.isfinite(slopes).all():
+            left, sizes, _ = np.linalg.svd(slopes, full_matrices=False)
+            apart = float(np.linalg.norm(left.T @ residual / np.maximum(sizes, 1.0)))
+        if not apart <= _OFF:
+            raise OtherMapError(
+                f"point_map={point_map!r}: what is stored is no orbit of it; at {where} it fails to close by "
+                f"{apart:.2g} of its size: {remedy}"
+            )
+        own, found = multipliers[k], problem.multipliers(SolutionPoint(place, slopes, place))
+        size = max(1.0, float(np.abs(own).max()))
+        other = float(np.abs(np.poly(found / size) - np.poly(own / size)).max())
+        if not other <= _OTHER:
+            raise OtherMapError(
+                f"point_map={point_map!r}: at {where} the orbit has the multipliers {found.tolist()} in place of "
+                f"{own.tolist()}: {remedy}"
+            )
 
 
 def _split(values: NDArray[np.complex128]) -> NDArray[np.float64]:

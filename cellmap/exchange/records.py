@@ -25,7 +25,7 @@ from ..maps.orbit_batch import Cost
 from ..maps.point_map import PointMap
 from ..orbits.exponent_fields import ExponentField
 from .attractor_group import attractors_of
-from .branch_records import rebuilt
+from .branch_records import OtherMapError, rebuilt
 from .conventions import variable_names
 from .datasets import to_xarray
 from .optional import xarray_package
@@ -54,7 +54,8 @@ def from_xarray(tree: Any, point_map: PointMap | None = None) -> Any:
     TypeError
         For anything else than a tree or Dataset.
     ValueError
-        For one that `to_xarray` of this version has not made of such a result, or from which a part was removed.
+        For one that `to_xarray` of this version has not made of such a result, or from which a part was removed; for
+        a map that some of the stored orbits do not satisfy, to rounding, with their multipliers.
 
     Examples
     --------
@@ -78,6 +79,8 @@ def from_xarray(tree: Any, point_map: PointMap | None = None) -> Any:
         read = _Read(tree)
         result = rebuilt(read, point_map) if kind in _CURVES else _READERS[kind](read)
         changed = _difference(tree, to_xarray(result))
+    except OtherMapError:
+        raise
     except (KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
         raise ValueError(
             f"tree is not what to_xarray made of {kind} ({type(error).__name__}: {error}): give all of it"

@@ -101,3 +101,54 @@ def test_what_cannot_be_made_again_says_so(branch: Branch) -> None:
         from_xarray(to_xarray(curve), henon_map())
     with pytest.raises(ValueError, match="place=1000"):
         branch.orbit(1000)
+
+
+def drift(at: Any) -> Any:
+    return discrete_map(lambda x, p: (at(x[0], p.q),), {"q": 0.25}, ("x",))
+
+
+FORMULAS: Any = {  # orbits x^2 = q with multipliers 1 - 2 x, but for the first
+    "other orbits": lambda x, q: x + q - 2.0 * x**2 - 0.1 * x,
+    "other multipliers": lambda x, q: x + 0.5 * (q - x**2),
+    "no orbit": lambda x, q: x + 1e3,
+}
+
+
+@pytest.fixture(scope="module")
+def roots() -> Branch:
+    exact = drift(lambda x, q: x + q - x**2)
+    return continue_orbit(exact, periodic_orbit(exact, [0.5]), "q", 0.1, 0.8, step=0.1)
+
+
+@pytest.mark.parametrize("name", FORMULAS)
+def test_another_map_is_refused(roots: Branch, name: str) -> None:
+    says = r"multipliers \[" if name == "other multipliers" else r"no orbit of it; at q=.* fails to close by"
+    with pytest.raises(ValueError, match=rf"^point_map=.*{says}.*: give the map"):
+        from_xarray(roots.to_xarray(), drift(FORMULAS[name]))
+
+
+def test_maps_with_other_variables_are_refused(roots: Branch) -> None:
+    with pytest.raises(ValueError, match=r"^point_map=.*it has other state variables than"):
+        from_xarray(roots.to_xarray(), henon_map())
+    with pytest.raises(ValueError, match=r"^point_map=.*it has other parameters than"):
+        from_xarray(roots.to_xarray(), discrete_map(lambda x, p: (x[0] + p.r - x[0] ** 2,), {"r": 0.25}, ("x",)))
+
+
+def test_curves_of_another_map_are_refused(branch: Branch) -> None:
+    curve = continue_bifurcation(branch, branch.bifurcations[-1], "b", (-0.2, 0.6), (0.2, 0.4), step=0.2)
+    other = discrete_map(
+        lambda x, p: (1.0 - p.a * x[0] ** 2 + x[1], 0.9 * p.b * x[0]), {"a": 0.2, "b": 0.3}, ("x", "y")
+    )
+    with pytest.raises(ValueError, match=r"^point_map=.*no orbit of it; at a=.*, b="):
+        from_xarray(curve.to_xarray(), other)
+
+
+@pytest.mark.parametrize("name", ["bifurcations", "scale_0", "unknowns_0", "bifurcation_kinds", "multipliers"])
+def test_damaged_datasets_are_refused(branch: Branch, name: str) -> None:
+    whole = branch.to_xarray()
+    with pytest.raises(ValueError, match="tree"):
+        from_xarray(whole.drop_vars(name), henon_map())
+    if whole[name].dtype == float:
+        altered = whole.assign_coords({name: whole[name] * (1.0 + 1e-9)})
+        with pytest.raises(ValueError, match="tree has another"):
+            from_xarray(altered, henon_map())
