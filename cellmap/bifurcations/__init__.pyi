@@ -16,6 +16,8 @@ from .circle_branches import CircleStatus as CircleStatus
 from .circle_branches import continue_circle as continue_circle
 from .circle_switching import switch_circle as switch_circle
 from .codimension_two import CodimensionTwo as CodimensionTwo
+from .codimension_two_curve import CodimensionTwoCurve as CodimensionTwoCurve
+from .codimension_two_curve import continue_codimension_two as continue_codimension_two
 from .codimension_two_forms import CodimensionTwoForm as CodimensionTwoForm
 from .codimension_two_forms import codimension_two_form as codimension_two_form
 from .connecting_branches import ConnectionBranch as ConnectionBranch

@@ -256,7 +256,7 @@ class _Tests:
         return -1.0 if self.problem.kind is _FLIP else 1.0
 
     def factors(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivatives (..., n, d, d) from each node to the next one at unknowns (..., n d + 2)."""
+        """Return the derivatives (..., n, d, d) from each node to the next one at unknowns (..., n d + m)."""
         return self.problem.orbits.factors(self.problem.orbits(unknowns)[1])
 
     def frame(self, factors: NDArray[np.float64], beside: Frame | None) -> Frame:
@@ -270,15 +270,25 @@ class _Tests:
         return signs[0] * found[0], signs[1] * found[1]
 
     def forms(self, unknowns: NDArray[np.float64]) -> MultilinearForms:
-        """Return the derivatives of the map that a coefficient asks for, at unknowns (k, n d + 2)."""
+        """Return the derivatives of the map that a coefficient asks for, at unknowns (k, n d + m)."""
         orbits, order = self.problem.orbits, 2 if self.problem.kind is _FOLD else 3
         return forms_along(orbits, orbits.cycle(unknowns), order, once=True)
 
     def at(self, place: SolutionPoint, frame: Frame, kind: CodimensionTwoKind) -> float:
         """Return a test function at a place, NaN where it is not known."""
-        tensors = self.forms(place.unknowns[None]).at(0, 0) if kind in _DEGENERATE.values() else None
-        found = self.values(self.factors(place.unknowns), tensors, frame).get(kind)
-        return np.nan if found is None else found.value
+        return float(self.beside(place.unknowns[None], kind, frame)[0])
+
+    def beside(
+        self, unknowns: NDArray[np.float64], kind: CodimensionTwoKind, frame: Frame | None = None
+    ) -> NDArray[np.float64]:
+        """Return a test function (k,) at unknowns (k, n d + m), with the frame of the first; NaN where not known."""
+        factors = self.factors(unknowns)
+        forms = self.forms(unknowns) if kind in _DEGENERATE.values() else None
+        frame = self.frame(factors[0], None) if frame is None else frame
+        found = (
+            self.values(f, None if forms is None else forms.at(0, k), frame).get(kind) for k, f in enumerate(factors)
+        )
+        return np.array([np.nan if value is None else value.value for value in found])
 
     def values(
         self, factors: NDArray[np.float64], tensors: Tensors | None, frame: Frame
@@ -340,14 +350,9 @@ class _Tests:
         Two curves intersect there, and the equations of neither of them are regular.
         """
         guess = part.interpolated(values[0] / (values[0] - values[1]))
-        orbits, here = self.problem.orbits, guess.unknowns
-        offsets = _DISPLACED * np.eye(len(here))
+        problem, here = CodimensionTwoOrbits(self.problem, CodimensionTwoKind.DOUBLE_NEIMARK_SACKER), guess.unknowns
         for _ in range(_ITERATIONS):
-            residual, slopes = orbits(here)
-            around = np.concatenate([here[None], here + offsets, here - offsets])
-            growth = np.array([_growth_of_pairs(along) for along in self.factors(around)])
-            changes = (growth[1 : len(here) + 1] - growth[len(here) + 1 :]).T / (2.0 * _DISPLACED)
-            matrix, sides = np.vstack([slopes, changes]), np.append(residual, growth[0])
+            sides, matrix = problem(here)
             if not np.isfinite(matrix).all():
                 return None
             change = np.linalg.lstsq(matrix, sides, rcond=None)[0]
@@ -369,6 +374,44 @@ class _Tests:
             if abs(others[pair_on_circle(others)[0]].imag) <= _REAL:
                 return False
         return bool(abs(pair[first[0]].imag) > _REAL)
+
+
+@dataclass(frozen=True, eq=False)
+class CodimensionTwoOrbits:
+    """Equations of an orbit with a bifurcation of codimension two, for unknowns (x_1, ..., x_n, q).
+
+    They are those of the curve of bifurcations with the test function of the kind; of a double Neimark-Sacker
+    bifurcation, where two such curves intersect, those of the orbit with the growth of both pairs.  Test functions have
+    the frame of the place itself, and gradients of length 1 by differences along the solutions of the other equations.
+    """
+
+    bifurcation: SingularOrbits
+    kind: CodimensionTwoKind
+
+    @property
+    def tests(self) -> _Tests:
+        """The test functions."""
+        return _Tests(self.bifurcation)
+
+    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residuals (n d + 2,) and their derivatives (n d + 2, n d + m) at unknowns (n d + m,)."""
+        double, count = self.kind is CodimensionTwoKind.DOUBLE_NEIMARK_SACKER, len(unknowns)
+        residual, slopes = (self.bifurcation.orbits if double else self.bifurcation)(unknowns)
+        if np.isfinite(slopes).all():
+            along = np.linalg.svd(slopes)[2][len(slopes) :]
+            k = len(along)
+            around = unknowns + _DISPLACED * np.concatenate([np.zeros((1, count)), along, -along])
+            found = (
+                np.array([_growth_of_pairs(factors) for factors in self.tests.factors(around)])
+                if double
+                else self.tests.beside(around, self.kind)[:, None]
+            )
+            changes = (found[1 : k + 1] - found[k + 1 :]).T / (2.0 * _DISPLACED) @ along
+            sizes = np.linalg.norm(changes, axis=1)
+            if (sizes > 0.0).all():
+                return np.append(residual, found[0] / sizes), np.vstack([slopes, changes / sizes[:, None]])
+        rows = self.bifurcation.orbits.states + 2
+        return np.full(rows, np.nan), np.full((rows, count), np.nan)
 
 
 def cosine_of_pair(multipliers: NDArray[np.complex128]) -> float:

@@ -83,9 +83,7 @@ def switch_curve(
     if chosen is None or chosen not in point.new_curves:
         known = ", ".join(map(repr, point.new_curves)) or "no other curve of bifurcations of periodic orbits"
         raise ValueError(f"new_curve={new_curve!r}: {point!r} has {known}")
-    own = (p for p in curve.codimension_two() if (p.kind, p.parameters) == (point.kind, point.parameters))
-    if not any(np.array_equal(p.values, point.values) for p in own):
-        raise ValueError(f"point={point!r} is not on {curve!r}: give one of its codimension_two()")
+    check_on(curve, point)
     names, old = curve.parameters, curve._problem.orbits
     if old.nodes > 1 and chosen.times > 1:
         raise ValueError(
@@ -110,3 +108,10 @@ def switch_curve(
     if start is None:
         raise ValueError(f"point={point!r}: {chosen!r} is not found beside it")
     return tracer.curve(start)
+
+
+def check_on(curve: BifurcationCurve, point: CodimensionTwo) -> None:
+    """Refuse a point of codimension two that is not one of a curve."""
+    own = (p for p in curve.codimension_two() if (p.kind, p.parameters) == (point.kind, point.parameters))
+    if not any(np.array_equal(p.values, point.values) for p in own):
+        raise ValueError(f"point={point!r} is not on {curve!r}: give one of its codimension_two()")

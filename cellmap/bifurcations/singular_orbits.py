@@ -26,15 +26,15 @@ Vectors = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class SingularOrbits:
-    """Equations of an orbit with a bifurcation condition, for unknowns (x_1, ..., x_n, q1, q2) in units of a scale.
+    """Equations of an orbit with a bifurcation condition, for unknowns (x_1, ..., x_n, q) in units of a scale.
 
-    The orbit is in any number n of segments.  At a fold and at a pitchfork the derivatives by the states are singular;
-    at a period doubling they are with the sign of the last segment's end changed, and at a Neimark-Sacker bifurcation
-    those of the areas between two deviations, which have the products of two multipliers each.  The condition is that
-    the smallest singular value vanishes: it does whatever the size of the other multipliers, with a gradient from
-    second derivatives along the singular vectors.  At a pitchfork, which is a branch point at `origin` (n d + 2,) and
-    persists through a symmetry, the residual along the left null vector is an unfolding that is left out, and
-    displacements along it are held at zero.
+    The orbit is in n segments, and q are m parameters.  At a fold and at a pitchfork the derivatives by the states are
+    singular; at a period doubling they are with the sign of the last segment's end changed, and at a Neimark-Sacker
+    bifurcation those of the areas between two deviations, which have the products of two multipliers each.  The
+    condition is that the smallest singular value vanishes: it does whatever the size of the other multipliers, with a
+    gradient from second derivatives along the singular vectors.  At a pitchfork, which is a branch point at `origin` (n
+    d + m,) and persists through a symmetry, the residual along the left null vector is an unfolding that is left out,
+    and displacements along it are held at zero.
 
     References
     ----------
@@ -71,14 +71,14 @@ class SingularOrbits:
             return True
         matrix = self.orbits(place.unknowns)[1][:, : self.orbits.states]
         left, _, right = np.linalg.svd(matrix)
-        along = np.append(_BESIDE * right[-1], [0.0, 0.0])
+        along = np.append(_BESIDE * right[-1], np.zeros(len(place.unknowns) - len(matrix)))
         here, ahead, behind = self.orbits(place.unknowns + np.outer([0.0, 1.0, -1.0], along))[0] @ left[:, -1]
         size = 1.0 + float(np.linalg.norm(matrix))
         curved = abs(ahead + behind - 2.0 * here) / (2.0 * _BESIDE**2)
         return bool(abs(here) <= _CLOSED * size and curved <= _EVEN * size)
 
     def __call__(self, unknowns: Vectors) -> tuple[Vectors, NDArray[np.float64]]:
-        """Return residuals (n d + 1,) and their derivatives (n d + 1, n d + 2) at unknowns (n d + 2,)."""
+        """Return residuals (n d + 1,) and their derivatives (n d + 1, n d + m) at unknowns (n d + m,)."""
         residual, slopes = self.orbits(unknowns)
         states = self.orbits.states
         if not np.isfinite(slopes).all():
@@ -91,20 +91,22 @@ class SingularOrbits:
         if self.kind is BifurcationKind.PITCHFORK:
             broken = null @ (unknowns - self.origin)[:states]
             residual = residual + (broken - null @ residual) * null
-            slopes = slopes + np.outer(null, np.append(null, [0.0, 0.0]) - null @ slopes)
+            slopes = slopes - np.outer(null, null @ slopes)
+            slopes[:, :states] += np.outer(null, null)
         return np.append(residual, size), np.vstack([slopes, gradient])
 
     def _of_areas(self, unknowns: Vectors, slopes: NDArray[np.float64]) -> tuple[float, Vectors]:
-        """Return the smallest singular value of the derivatives of areas, and its gradient (n d + 2,)."""
+        """Return the smallest singular value of the derivatives of areas, and its gradient (n d + m,)."""
         orbits, d = self.orbits, self.orbits.dimension
         areas = _of_pairs(orbits.factors(slopes))
         n, pairs = areas.shape[:2]
         left, sizes, right = np.linalg.svd(cycle_matrix(areas, 1.0))
         # Each segment depends on its own state alone, so that all of them are displaced at once.
-        each = np.zeros((d + 2, len(unknowns)))
-        each[:d, : n * d], each[d:, n * d :] = np.tile(np.eye(d), n), np.eye(2)
+        m = len(unknowns) - n * d
+        each = np.zeros((d + m, len(unknowns)))
+        each[:d, : n * d], each[d:, n * d :] = np.tile(np.eye(d), n), np.eye(m)
         around = _of_pairs(orbits.factors(orbits(unknowns + _DIFFERENCE * np.concatenate([each, -each]))[1]))
-        changes = (around[: d + 2] - around[d + 2 :]) / (2.0 * _DIFFERENCE)
+        changes = (around[: d + m] - around[d + m :]) / (2.0 * _DIFFERENCE)
         null, image = left[:, -1].reshape(n, pairs), right[-1].reshape(n, pairs)
         gradient = np.einsum("ki,jkil,kl->kj", null, changes, image)
         return float(sizes[-1]), np.append(gradient[:, :d].ravel(), gradient[:, d:].sum(axis=0))

@@ -137,6 +137,11 @@ class OrbitProblem:
         null = np.linalg.svd(self.twisted(place.derivatives))[2][-1]
         return np.append(null, np.zeros(len(self.scale) - self.states))
 
+    def with_parameters(self, exact: PointMap, names: tuple[str, ...], spans: tuple[float, ...]) -> OrbitProblem:
+        """Return the equations in other parameters, those of a map, in units of their spans."""
+        scale = np.append(self.scale[: self.states], spans)
+        return replace(self, point_map=exact, swept=swept_map(exact, *names), scale=scale)
+
     def over(self, rounds: int, shrinking: float, span: float) -> OrbitProblem:
         """Return the equations of orbits of some times the period, in units of their own."""
         return replace(self, period=rounds * self.period, scale=np.append(shrinking * self.scale[:-1], span))

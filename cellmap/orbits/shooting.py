@@ -98,11 +98,11 @@ class ShootingProblem(OrbitProblem):
 
     def with_parameters(self, exact: PointMap, names: tuple[str, ...], spans: tuple[float, ...]) -> ShootingProblem:
         """Return the equations in other parameters, those of a map, in units of their spans."""
-        swept = swept_map(exact, *names)
-        parts = swept.specified.parts(len(self.parts))
+        parts = swept_map(exact, *names).specified.parts(len(self.parts))
         assert parts is not None, "the orbit is in segments"
-        scale = np.append(self.scale[: self.states], spans)
-        return replace(self, point_map=exact, swept=swept, scale=scale, parts=parts)
+        other = super().with_parameters(exact, names, spans)
+        assert isinstance(other, ShootingProblem)
+        return replace(other, parts=parts)
 
     def over(self, rounds: int, shrinking: float, span: float) -> ShootingProblem:
         """Return the equations of orbits of some times the period, in units of their own."""

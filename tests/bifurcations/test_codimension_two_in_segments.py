@@ -53,11 +53,11 @@ def test_a_cusp_beside_a_multiplier_of_1e8() -> None:
     assert_form(cusp, {"c": -2.0 * pi}, 1e-9)
 
 
-def alternating(function: Any, growth: float = 1e4) -> PointMap:
+def alternating(function: Any, growth: float = 1e4, **more: float) -> PointMap:
     """Return (x, y, s) -> (growth x + y, s F(y), -s (6 - s^2)/5): of period 2 at s = 1, with y -> -F(F(y))."""
     return discrete_map(
         lambda x, p: (growth * x[0] + x[1], x[2] * function(x[1], p), -x[2] * (6.0 - x[2] ** 2) / 5.0),
-        {"p": -0.1, "q": 0.3},
+        {"p": -0.1, "q": 0.3, **more},
         ("x", "y", "s"),
     )
 

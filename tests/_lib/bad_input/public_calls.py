@@ -19,6 +19,7 @@ from small_systems import (
     circle_of_delayed_logistic,
     delayed_logistic,
     doublings_of_henon,
+    folds_of_a_cubic_map,
     interpolated,
     leaving,
     outer_saddle,
@@ -205,6 +206,11 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "jury_margins": lambda: {"matrix": [[0.5, 0.0], [0.1, 0.2]]},
     "continue_bifurcation": lambda: {"parameter": "s", "first": (1.3, 2.2), "second": (0.4, 0.6), "step": 0.05},
     "switch_curve": lambda: {"first": (0.0, 4.0), "second": (-1.5, 0.9), "step": 0.2},
+    "continue_codimension_two": lambda: {
+        **{"curve": folds_of_a_cubic_map(), "point": folds_of_a_cubic_map().codimension_two()[0], "parameter": "c"},
+        **dict.fromkeys(("first", "second", "third"), (-1.0, 1.0)),
+        "step": 0.2,
+    },
     "plot_bifurcation_curves": lambda: {"curves": doublings_of_henon()},
     "find_branches": lambda: {"parameter": "r", "lower": 1.3, "upper": 1.6, "n_values": 1, "step": 0.1},
     "codimension_two_form": lambda: {

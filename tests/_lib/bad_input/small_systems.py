@@ -80,6 +80,17 @@ def outer_saddle() -> tuple[Any, Any]:
 
 
 @cache
+def folds_of_a_cubic_map() -> Any:
+    """Return a curve of folds with a cusp at a = b = 0, for c = 0."""
+    params = {"a": -1.0, "b": 0.5, "c": 0.0}
+    cubic = cellmap.discrete_map(lambda x, p: (x[0] + p.a + p.b * x[0] + p.c * x[0] ** 2 - x[0] ** 3,), params, ("x",))
+    branch = cellmap.continue_orbit(cubic, cellmap.periodic_orbit(cubic, [-1.2]), "a", -1.0, 1.0, step=0.1)
+    box = {"first": (-1.0, 1.0), "second": (-1.0, 1.0)}
+    fold = branch.of_kind(cellmap.bifurcations.BifurcationKind.FOLD)[0]
+    return cellmap.bifurcations.continue_bifurcation(branch, fold, "b", **box, step=0.1)
+
+
+@cache
 def doublings_of_henon() -> Any:
     """Return a curve of period doublings with a 1:2 resonance, at a = 3 and b = -1."""
     henon = systems.henon_map(0.2, 0.3)
