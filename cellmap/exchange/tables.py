@@ -73,9 +73,10 @@ def function_columns(
     result: Any, functions: Mapping[str, Quantity | OrbitFunction] | None
 ) -> dict[str, NDArray[np.float64]]:
     """Return the values of functions by their names: (n,) on branches and curves, (branches, n) in diagrams."""
-    if functions and not isinstance(result, Branch | BifurcationCurve | BifurcationDiagram):
+    chosen = as_functions(functions)
+    if chosen and not isinstance(result, Branch | BifurcationCurve | BifurcationDiagram):
         raise TypeError(f"functions={shown(functions)}: {type(result).__name__} has no orbits to measure")
-    return {name: result.measure(f.quantity, f.measure) - f.value for name, f in as_functions(functions).items()}
+    return {name: result.measure(f.quantity, f.measure) - f.value for name, f in chosen.items()}
 
 
 def columns_of(result: Any) -> dict[str, Any]:
