@@ -12,7 +12,7 @@ from ..maps.point_map import PointMap
 from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
 from ..orbits.orbit_equations import OrbitProblem
 from .branch import Bifurcation, Branch, BranchPart
-from .detection import TESTS, Detector
+from .detection import TESTS, Detector, signs
 from .kinds import BifurcationKind
 
 _FIRST_STEP, _NEAREST = 0.02, 1e-12  # first step on a new branch, scaled, and the shortest
@@ -72,14 +72,16 @@ class BranchTracer:
             after = detector.values_at(step.end)
             events, clear = detector.events(step, before, after)
             # A line through the last two values tells where a function heads.
-            headed = np.where(before.tests + slopes * step.length < 0.0, -1, 1)
-            back = (headed != before.sides) & (after.sides == before.sides) & before.informative & after.informative
+            held = before.held(after)
+            first, last = before.without(held), after.without(held)
+            headed, side = signs(first + slopes * step.length), signs(first)
+            back = (headed != side) & (signs(last) == side) & before.informative & after.informative
             unclear = after.is_singular(before) or not clear or bool(back.any())
             if may_refuse and unclear and box.contains(step.end):
                 return "refused"
             if step.length > 0.0:
                 found.extend(replace(b, place=number) for b in events)
-                before, slopes, number = after, (after.tests - before.tests) / step.length, number + 1
+                before, slopes, number = after, (last - first) / step.length, number + 1
             if any(b.kind in self.stop_at and not b.before for b in events):
                 return End("bifurcation", step.end)
             if box.contains(step.end) and self.problem.growth(step.end) > self.largest_growth:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..maps.coordinates import wrap
 from ..orbits.arclength import ContinuationStep, SolutionPoint
-from ..orbits.multipliers import pair_on_circle, unstable_count
+from ..orbits.multipliers import MARGIN, pair_on_circle, unstable_count
 from ..orbits.orbit_equations import OrbitProblem
 from .branch import Bifurcation
 from .kinds import BifurcationKind
@@ -37,30 +37,54 @@ _SIMPLE = {BifurcationKind.FOLD, BifurcationKind.PITCHFORK, BifurcationKind.PERI
 
 @dataclass(frozen=True, eq=False)
 class TestValues:
-    """Values of the test functions (4,), in the order of `TESTS`, and the number of unstable multipliers.
+    """Values of the test functions (4,), in the order of `TESTS`, at a place with some multipliers.
 
     Without damping (`conservative`) the product of all multipliers is 1 everywhere, but for rounding, and the last test
     function carries no information.
     """
 
     tests: NDArray[np.float64]
-    unstable: int
-    conservative: bool
+    multipliers: NDArray[np.complex128]
+
+    @property
+    def unstable(self) -> int:
+        """Number of unstable multipliers."""
+        return int(unstable_count(self.multipliers))
+
+    @property
+    def conservative(self) -> bool:
+        """Whether the product of all multipliers is 1."""
+        return _is_volume_preserving(self.multipliers)
+
+    def held(self, other: TestValues) -> NDArray[np.int64]:
+        """Return the number of factors (4,) that vanish in each test function here and elsewhere on the branch.
+
+        A multiplier that holds at -1, or a pair that holds on the unit circle, tells nothing of the others.
+        """
+        counts = [[np.count_nonzero(np.abs(f) <= MARGIN) for f in values.factors] for values in (self, other)]
+        return np.array(counts).min(axis=0)
+
+    @property
+    def factors(self) -> list[NDArray[np.complex128]]:
+        """Factors of each test function, none of those that are no products over multipliers, the smallest first."""
+        return [_factors_of(kind, self.multipliers) for kind in TESTS]
+
+    def without(self, held: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the test functions (4,) without a number of factors of each that vanish."""
+        return np.array([
+            float(np.prod(factors[leave:]).real) if leave else value
+            for value, factors, leave in zip(self.tests, self.factors, held.tolist(), strict=True)
+        ])  # fmt: skip
 
     def is_singular(self, before: TestValues) -> bool:
         """Return whether a test function that was informative before vanishes, or is not known."""
         compared = self.informative | before.informative
-        return not bool((np.abs(self.tests[compared]) > _SINGULAR).all())
+        return not bool((np.abs(self.without(self.held(before))[compared]) > _SINGULAR).all())
 
     @property
     def informative(self) -> NDArray[np.bool_]:
         """Which test functions carry information."""
         return np.array([kind is not BifurcationKind.NEIMARK_SACKER or not self.conservative for kind in TESTS])
-
-    @property
-    def sides(self) -> NDArray[np.int64]:
-        """Signs of the test functions."""
-        return np.where(self.tests < 0.0, -1, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,17 +103,17 @@ class Detector:
 
     def values_at(self, place: SolutionPoint) -> TestValues:
         """Return the values of the test functions at a solution point."""
-        found = self.multipliers(place)
-        tests = np.array([self._test(kind, place) for kind in TESTS])
-        return TestValues(tests, int(unstable_count(found)), _is_volume_preserving(found))
+        return TestValues(np.array([self._test(kind, place) for kind in TESTS]), self.multipliers(place))
 
     def events(self, step: ContinuationStep, before: TestValues, after: TestValues) -> tuple[list[Bifurcation], bool]:
         """Return the bifurcations on a step, in its order, and whether they explain what has changed on it."""
         found: list[tuple[float, BifurcationKind, SolutionPoint]] = []
-        for kind, changed in zip(
-            TESTS, (before.sides != after.sides) & (before.informative | after.informative), strict=True
+        held = before.held(after)
+        passed = signs(before.without(held)) != signs(after.without(held))
+        for kind, changed, leave in zip(
+            TESTS, passed & (before.informative | after.informative), held.tolist(), strict=True
         ):
-            if changed and (place := self._located(kind, step)) is not None:
+            if changed and (place := self._located(kind, step, leave)) is not None:
                 found.append((step.along(place.unknowns), kind, place))
         if not found and before.unstable != after.unstable:
             place = self._where_count_changes(step, before.unstable)
@@ -112,7 +136,9 @@ class Detector:
                 events.append(replace(event, before=counts[k], after=counts[k + 1]))
         return events, clear
 
-    def _test(self, kind: BifurcationKind, place: SolutionPoint) -> float:
+    def _test(self, kind: BifurcationKind, place: SolutionPoint, leave: int = 0) -> float:
+        if leave:
+            return float(np.prod(_factors_of(kind, self.multipliers(place))[leave:]).real)
         if kind is BifurcationKind.FOLD:
             return float(place.tangent[-1])
         if kind is BifurcationKind.PITCHFORK:
@@ -121,8 +147,8 @@ class Detector:
             return self.problem.doublings(place)
         return self.problem.pairs(place)
 
-    def _located(self, kind: BifurcationKind, step: ContinuationStep) -> SolutionPoint | None:
-        place = step.located(lambda p: self._test(kind, p))
+    def _located(self, kind: BifurcationKind, step: ContinuationStep, leave: int) -> SolutionPoint | None:
+        place = step.located(lambda p: self._test(kind, p, leave))
         if place is None and kind is BifurcationKind.PITCHFORK:
             # Next to a crossing corrections may fail; the crossing itself is found from afar.
             ends = self._test(kind, step.begin), self._test(kind, step.end)
@@ -202,3 +228,21 @@ class Detector:
 
 def _is_volume_preserving(multipliers: NDArray[np.complex128]) -> bool:
     return bool(abs(abs(np.prod(multipliers)) - 1.0) < _KEPT)
+
+
+def signs(tests: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the signs of test functions, 1 for 0."""
+    return np.where(tests < 0.0, -1, 1)
+
+
+def _factors_of(kind: BifurcationKind, multipliers: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return the factors of a test function that is a product over multipliers, the smallest first."""
+    if kind is BifurcationKind.PERIOD_DOUBLING:
+        found = (multipliers + 1.0) / (1.0 + np.abs(multipliers))
+    elif kind is BifurcationKind.NEIMARK_SACKER:
+        i, j = np.triu_indices(len(multipliers), 1)
+        products = multipliers[i] * multipliers[j]
+        found = (products - 1.0) / (1.0 + np.abs(products))
+    else:
+        return multipliers[:0]
+    return np.asarray(found[np.argsort(np.abs(found), kind="stable")])

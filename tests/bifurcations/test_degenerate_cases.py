@@ -156,3 +156,26 @@ def test_a_clockwise_rotation_is_named() -> None:
     exact = stroboscopic_map(oscillator)
     with pytest.raises(ValueError, match=r"clockwise, with the rotation number 0\.666666667: give rotations=period"):
         arnold_tongue(exact, 1, 3, ("w", "F"), (2.6, 3.1), (0.5, 1.5), [1.0, 0.0], transient=200, periods=400)
+
+
+@pytest.mark.parametrize(
+    ("equations", "names", "guess", "interval", "expected"),
+    [
+        # The logistic map, x = 1 - 1 / q, has the multiplier 2 - q.
+        (lambda x, p: (p.q * x[0] * (1.0 - x[0]), -x[1]), "xu", [0.6, 0.0], (1.5, 3.5), {"period doubling": 3.0}),
+        (lambda x, p: (p.q * x[0] * (1.0 - x[0]), -x[1], -x[2]), "xuv", [0.6, 0.0, 0.0], (1.5, 3.5),
+         {"period doubling": 3.0}),
+        # The delayed one has mu^2 - mu + q - 1 = 0 there; (u, v) rotate.
+        (lambda x, p: (x[1], p.q * x[1] * (1.0 - x[0]), 0.6 * x[2] - 0.8 * x[3], 0.8 * x[2] + 0.6 * x[3]), "xyuv",
+         [0.6, 0.6, 0.0, 0.0], (1.5, 2.7), {"Neimark-Sacker": 2.0}),
+        # The map of Henon without dissipation, x = -1 + sqrt(1 + q), has the trace -2 x.
+        (lambda x, p: (p.q - x[0] ** 2 - x[1], x[0], 0.5 * x[2]), "xyu", [0.87, 0.87, 0.0], (-2.0, 4.0),
+         {"fold": -1.0, "period doubling": 3.0}),
+    ],
+    ids=["-1", "-1 twice", "rotation", "conservative"],
+)  # fmt: skip
+def test_a_multiplier_that_holds_on_the_circle_hides_no_other(equations, names, guess, interval, expected) -> None:  # type: ignore[no-untyped-def]
+    point_map = discrete_map(equations, {"q": 2.5}, tuple(names))
+    branch = continue_orbit(point_map, periodic_orbit(point_map, guess), "q", *interval)
+    assert branch.ends == ("left the interval", "left the interval")
+    assert {str(b.kind): b.value for b in branch.bifurcations} == pytest.approx(expected, abs=1e-9)
