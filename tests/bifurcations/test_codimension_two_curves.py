@@ -44,7 +44,7 @@ def curve_of(
 
 
 def followed(
-    curve: BifurcationCurve, kind: CodimensionTwoKind, third: str, *box: Any, step: float = 0.2
+    curve: BifurcationCurve, kind: CodimensionTwoKind, third: str, *box: Any, step: float = 0.5
 ) -> CodimensionTwoCurve:
     point = next(p for p in curve.codimension_two() if p.kind is kind)
     found = continue_codimension_two(curve, point, third, *(box or (UNIT, UNIT, UNIT)), step=step)
@@ -91,8 +91,8 @@ def henon() -> dict[BifurcationKind, BifurcationCurve]:
         {"a": 0.3, "b": 0.99, "R": 0.3},
         ("x", "y"),
     )
-    branch = continue_orbit(exact, periodic_orbit(exact, [0.2, 0.2]), "a", *WIDE[0], step=0.1)
-    return {b.kind: continue_bifurcation(branch, b, "b", *WIDE, step=0.1) for b in branch.bifurcations}
+    branch = continue_orbit(exact, periodic_orbit(exact, [0.2, 0.2]), "a", *WIDE[0], step=0.2)
+    return {b.kind: continue_bifurcation(branch, b, "b", *WIDE, step=0.2) for b in branch.bifurcations}
 
 
 def assert_resonances(found: CodimensionTwoCurve, trace: float) -> None:
@@ -228,7 +228,7 @@ def test_generalised_flips_beside_a_multiplier_of_1e8() -> None:
     """F(y) = (1 + p) y + (q - r^2) y^3 + y^5 as -F(F(y)), for an orbit in segments."""
     exact = alternating(lambda y, p: (1.0 + p.p) * y + (p.q - p.r**2) * y**3 + y**5, r=0.2)
     curve = curve_of(exact, [0.0, 0.0, 1.0], DOUBLING, "pq", ((-0.4, 0.6), UNIT), 2, 0.1)
-    found = followed(curve, POINT.GENERALISED_FLIP, "r", (-0.4, 0.6), UNIT, (-0.5, 0.5), step=0.2)
+    found = followed(curve, POINT.GENERALISED_FLIP, "r", (-0.4, 0.6), UNIT, (-0.5, 0.5))
     assert found._problem.bifurcation.orbits.nodes > 1
     p, q, r = found.values.T
     assert_equal(q, r**2)
