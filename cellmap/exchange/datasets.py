@@ -57,7 +57,7 @@ Branch, BifurcationCurve, CircleBranch, ConnectionBranch or TangencyCurve
         A tree for results with attractors, which are its group ``"attractors"``; else a Dataset.  Arrays are not
         copied.  Its method `to_netcdf` writes it to a file, which ``xarray.open_datatree`` or ``xarray.open_dataset``
         reads; :func:`from_xarray` makes the result again of all but atlases, branches of circles and
-        connecting orbits, and curves of functions and tangencies.
+        connecting orbits, and curves of tangencies.
 
     Raises
     ------
@@ -65,6 +65,8 @@ Branch, BifurcationCurve, CircleBranch, ConnectionBranch or TangencyCurve
         If xarray is not installed.
     TypeError
         For anything else.
+    ValueError
+        For a curve of a function, and for a function with the name of another variable.
 
     References
     ----------
@@ -83,7 +85,8 @@ Branch, BifurcationCurve, CircleBranch, ConnectionBranch or TangencyCurve
     array([[ 0.707,  0.   ],
            [-0.707,  0.   ]])
     """
-    found, more = _converted(result), function_columns(result, functions)
+    found = _converted(result)
+    more = function_columns(result, functions, {*found.variables, *found.dims} if functions else set())
     dims = ("branch", *variable_names([result.parameter])) if isinstance(result, BifurcationDiagram) else _ROWS
     return found.assign({name: (dims, values) for name, values in more.items()}) if more else found
 

@@ -51,6 +51,8 @@ AttractorAtlas, CircleBranch, ConnectionBranch or TangencyCurve
         If pandas is not installed.
     TypeError
         For anything else.
+    ValueError
+        For a function with the name of another column.
 
     Examples
     --------
@@ -63,19 +65,24 @@ AttractorAtlas, CircleBranch, ConnectionBranch or TangencyCurve
     1  fixed point       1 -0.707                 0.5
     """
     frame = columns_of(result)
-    for name, values in function_columns(result, functions).items():
+    for name, values in function_columns(result, functions, set(frame)).items():
         each = isinstance(result, BifurcationDiagram)
         frame[name] = np.repeat(values, result.points.shape[2], axis=1).ravel() if each else values
     return pandas_package().DataFrame(frame)
 
 
 def function_columns(
-    result: Any, functions: Mapping[str, Quantity | OrbitFunction] | None
+    result: Any, functions: Mapping[str, Quantity | OrbitFunction] | None, taken: set[Any]
 ) -> dict[str, NDArray[np.float64]]:
-    """Return the values of functions by their names: (n,) on branches and curves, (branches, n) in diagrams."""
+    """Return the values of functions by their names: (n,) on branches and curves, (branches, n) in diagrams.
+
+    Names that are taken are refused.
+    """
     chosen = as_functions(functions)
     if chosen and not isinstance(result, Branch | BifurcationCurve | BifurcationDiagram):
         raise TypeError(f"functions={shown(functions)}: {type(result).__name__} has no orbits to measure")
+    for name in taken & set(chosen):
+        raise ValueError(f"functions[{name!r}]: {name!r} is already there; give the function another name")
     return {name: result.measure(f.quantity, f.measure) - f.value for name, f in chosen.items()}
 
 
