@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checkpoint import plain
+from .._lib.checks import warn_caller
 from ..bifurcations.bifurcation_curve import BifurcationCurve
 from ..bifurcations.branch import Bifurcation, Branch, BranchPart
 from ..bifurcations.kinds import BifurcationKind
+from ..bifurcations.period_measures import OrbitFunction
 from ..bifurcations.singular_orbits import SingularOrbits
 from ..maps.coordinates import wrap
 from ..maps.parameters_as_states import swept_map
@@ -25,6 +27,7 @@ from ..orbits.shooting import ShootingProblem
 _NUMBERS = ("value", "before", "after", "place")
 _LOOKS = 5  # orbits of each part that are compared with a map
 _OFF, _OTHER = 1e-6, 1e-4  # scaled distance from solutions, and relative change of multipliers, that are rounding
+_AGAIN = "locate them again with the method with_zeros of what from_xarray returns"
 
 
 class OtherMapError(ValueError):
@@ -38,7 +41,12 @@ def solutions_of(result: Branch | BifurcationCurve) -> tuple[dict[str, Any], dic
         parts = [(part.problem, part.unknowns) for part in result._parts]
     else:
         problem = result._problem
-        names, origin = [*result.parameters], problem.origin if isinstance(problem, SingularOrbits) else None
+        if not isinstance(problem, SingularOrbits):
+            raise ValueError(
+                f"result={result!r}: curves of functions are not rebuilt of arrays, and are not written; write the "
+                "branch and continue its zero again, or take the values of the curve with to_dataframe()"
+            )
+        names, origin = [*result.parameters], problem.origin
         parts = [(problem.orbits, np.array([p.unknowns for p in result._places]) * problem.orbits.scale)]
     coords: dict[str, Any] = {
         "parameter_values": (("point", "parameter"), result.values.reshape(len(result.values), -1)),
@@ -65,7 +73,14 @@ def solutions_of(result: Branch | BifurcationCurve) -> tuple[dict[str, Any], dic
         "segments": json.dumps(divisions),
         "bifurcation_count": len(result.bifurcations) if isinstance(result, Branch) else 0,
     }
-    return coords, {**further, "solutions_sha256": _digest(coords, further)}
+    functions = dict(sorted((zero.name, zero.function) for zero in result.zeros))
+    own = [name for name, function in functions.items() if callable(function.quantity)]
+    named = {n: [f.quantity, f.measure, f.value, f.extremum] for n, f in functions.items() if n not in own}
+    further["functions"] = json.dumps(plain(named))
+    left = {"functions_left_out": json.dumps(own)} if own else {}
+    if own:
+        warn_caller(f"zeros of the functions {own} are left out, whose code is not written: {_AGAIN}")
+    return coords, {**further, "solutions_sha256": _digest(coords, further), **left}
 
 
 def _digest(coords: dict[str, Any], further: dict[str, Any]) -> str:
@@ -77,7 +92,15 @@ def _digest(coords: dict[str, Any], further: dict[str, Any]) -> str:
 
 
 def rebuilt(read: Any, point_map: PointMap | None) -> Branch | BifurcationCurve:
-    """Return the branch or curve of arrays that are read."""
+    """Return the branch or curve of arrays that are read, with the zeros of functions that are named there."""
+    result = _without_zeros(read, point_map)
+    functions = {name: OrbitFunction(*given) for name, given in read.json("functions").items()}
+    if "functions_left_out" in read.attributes:
+        warn_caller(f"zeros of the functions {read.json('functions_left_out')} were not written: {_AGAIN}")
+    return result.with_zeros(functions) if functions else result
+
+
+def _without_zeros(read: Any, point_map: PointMap | None) -> Branch | BifurcationCurve:
     if point_map is None:
         raise OtherMapError("point_map=None: give the map of the branch or curve")
     for what, own, other in (
@@ -112,8 +135,6 @@ def rebuilt(read: Any, point_map: PointMap | None) -> Branch | BifurcationCurve:
             found = [_bifurcation(str(kind), row, problems) for kind, row in zip(kinds, rows, strict=True)]
         pieces = tuple(BranchPart(*piece) for piece in zip(firsts, problems, unknowns, strict=False))
         return Branch(names[0], period, values[:, 0], points, factors, tuple(found), (before, after), exact, pieces)
-    if "origin" not in read.tree.variables:
-        raise ValueError("curves of functions are not rebuilt: continue the zero of the branch again")
     kind = BifurcationKind(read.attributes["kind"])
     problem, scaled = SingularOrbits(problems[0], kind, read.array("origin")), unknowns[0] / problems[0].scale
     places = []

@@ -44,8 +44,10 @@ def from_xarray(tree: Any, point_map: PointMap | None = None) -> Any:
     Returns
     -------
     Basins, Certificate, BasinContinuation, BifurcationDiagram, StabilityMap, ExponentField, Branch or BifurcationCurve
-        Branches and curves are continued like those from which the arrays came; zeros of functions are located again
-        by :meth:`Branch.with_zeros`.  Basins come without their map, as from a file: :func:`rebuild_map` rebuilds it.
+        Branches and curves are continued like those from which the arrays came, and zeros of quantities that have a
+        name or number are located again; those of functions ``f(t, x, p)``, whose code is not written, are left out
+        with a warning: locate them with :meth:`Branch.with_zeros`.  Basins come without their map, as from a file:
+        :func:`rebuild_map` rebuilds it.
 
     Raises
     ------

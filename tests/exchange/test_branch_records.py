@@ -10,7 +10,7 @@ import pytest
 import xarray
 
 from cellmap import continue_orbit, discrete_map, periodic_orbit
-from cellmap.bifurcations import BifurcationKind, Branch, continue_bifurcation, switch_branch
+from cellmap.bifurcations import BifurcationKind, Branch, OrbitFunction, continue_bifurcation, switch_branch
 from cellmap.exchange import from_xarray, to_xarray
 from systems import henon_map
 
@@ -97,8 +97,8 @@ def test_what_cannot_be_made_again_says_so(branch: Branch) -> None:
     curve = continue_bifurcation(branch, zero, "b", (-0.2, 0.6), (0.2, 0.4), step=0.1)
     # x = 1 - a x^2 + b x at x = 1.
     np.testing.assert_allclose(curve.values[:, 0], curve.values[:, 1], rtol=1e-12)
-    with pytest.raises(ValueError, match="curves of functions are not rebuilt"):
-        from_xarray(to_xarray(curve), henon_map())
+    with pytest.raises(ValueError, match=r"^result=.*curves of functions .* are not written"):
+        to_xarray(curve)
     with pytest.raises(ValueError, match="place=1000"):
         branch.orbit(1000)
 
@@ -152,3 +152,38 @@ def test_damaged_datasets_are_refused(branch: Branch, name: str) -> None:
         altered = whole.assign_coords({name: whole[name] * (1.0 + 1e-9)})
         with pytest.raises(ValueError, match="tree has another"):
             from_xarray(altered, henon_map())
+
+
+def test_zeros_of_named_quantities_come_back(branch: Branch, tmp_path: Path) -> None:
+    # The fixed point x = 1 - a x^2 + b x has x = 1 at a = b.
+    named = {"one": OrbitFunction("x", value=1.0), "two": OrbitFunction(0, "mean", 1.2), "top": OrbitFunction("y")}
+    found = branch.with_zeros({**named, "own": lambda t, x, p: x[0] - 1.1})
+    assert {z.name for z in found.zeros} == {"one", "two", "own"}
+    with pytest.warns(UserWarning, match=r"functions \['own'\] are left out.*with_zeros"):
+        found.to_xarray().to_netcdf(tmp_path / "zeros.nc", engine="h5netcdf")
+    with xarray.open_dataset(tmp_path / "zeros.nc", engine="h5netcdf") as file:
+        tree = file.load()
+    with pytest.warns(UserWarning, match=r"functions \['own'\] were not written.*with_zeros"):
+        read = from_xarray(tree, henon_map())
+    mine = [z for z in found.zeros if z.name != "own"]
+    assert [repr(z) for z in read.zeros] == [repr(z) for z in mine] != []
+    assert [z.function for z in read.zeros] == [z.function for z in mine]
+    (one,) = [z for z in read.zeros if z.name == "one"]
+    assert one.value == pytest.approx(0.3, abs=1e-12)
+
+
+def test_zeros_on_curves_come_back(branch: Branch) -> None:
+    curve = continue_bifurcation(branch, branch.bifurcations[-1], "b", (-0.2, 0.9), (-0.2, 0.9), step=0.1)
+    # The period doubling at a = 3/4 (1 - b)^2 has x = (1 - b) / (2 a) = 2 / (3 (1 - b)), which is 1 at b = 1/3.
+    found = curve.with_zeros({"x": OrbitFunction("x", value=1.0)})
+    (zero,) = from_xarray(found.to_xarray(), henon_map()).zeros
+    np.testing.assert_allclose(zero.values, [1.0 / 3.0, 1.0 / 3.0], rtol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["x", "a", "unstable", "largest_multiplier"])
+def test_functions_with_the_names_of_columns_are_refused(branch: Branch, name: str) -> None:
+    for convert in (branch.to_dataframe, branch.to_xarray):
+        with pytest.raises(ValueError, match=rf"^functions\['{name}'\]: '{name}' is already there"):
+            convert({name: OrbitFunction("y")})
+    with pytest.raises(ValueError, match=r"^functions\['point'\]"):
+        branch.to_xarray({"point": 0})
