@@ -22,7 +22,8 @@ from .shooting import ShootingProblem
 
 _NEAR = 1.5  # cell widths within which a linear step from a cell's centre has to end
 _SEGMENTS = 16  # of a step of the map, where it can be divided
-_LARGE_GROWTH = 30.0  # of deviations in a period, from which orbits are looked for in segments as well
+_LARGE_GROWTH = 30.0  # of deviations in a period, from which orbits are looked for in segments as well,
+_FAR = 0.05  # and distance of a solution from its guess, in extents, from which they are too
 _SAME = 1e-7  # distance of points of one orbit, relative to the resolution
 
 
@@ -31,7 +32,8 @@ def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> Pe
     """Return the periodic orbit to which a damped Newton method converges from a guess.
 
     Where deviations grow much in the period, the method is applied to the orbit in segments as well (multiple
-    shooting), and the solution nearest to the guess counts.
+    shooting), and the solution nearest to the guess counts; where they do not, but the method ends far from the guess,
+    a solution in segments counts if it is near.
 
     Parameters
     ----------
@@ -71,7 +73,7 @@ def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> Pe
             f"guess={state.tolist()}: no orbit of period {rounds} is found from there; give a guess nearer to one, or "
             "search a window with find_periodic_orbits"
         )
-    away = np.abs(difference(found, state, point_map.coordinates) / extent).max(axis=-1)
+    away = _away(point_map, found, state, extent)
     return closed_orbit(point_map, found[np.argmin(away)], rounds, extent)
 
 
@@ -83,7 +85,8 @@ def _from_guess(
     growth = float(np.linalg.norm(tangent(exact, state, rounds)[1]))
     single = OrbitProblem(exact, exact, rounds, extent)
     count = next((n for n in (_SEGMENTS, 1) if ShootingProblem.can_divide(single, n)), None)
-    if count is None or (settled[0] and growth < _LARGE_GROWTH):
+    tame = settled[0] and growth < _LARGE_GROWTH
+    if count is None or (tame and _away(exact, points, state, extent)[0] <= _FAR):
         return points[settled]
     problem = ShootingProblem.of(single, count, state, sized=True)
     # From the nodes of the orbit through the guess, and from nodes that stay there.
@@ -91,7 +94,16 @@ def _from_guess(
     guesses = guesses[np.isfinite(guesses).all(axis=-1)]
     others, _, found = solutions(lambda _, unknowns: problem(unknowns), guesses, np.ones(problem.states), damped=True)
     firsts = wrap((others * problem.scale)[:, : exact.dimension], exact.coordinates)
+    # Deviations that grow little at the guess may grow much on an orbit beside it, but hardly on one that is far away.
+    found &= not tame or _away(exact, firsts, state, extent) <= _FAR
     return np.concatenate([points[settled], firsts[found]])
+
+
+def _away(
+    point_map: PointMap, points: NDArray[np.float64], guess: NDArray[np.float64], extent: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the distances (n,) of points from a guess, in extents."""
+    return np.asarray(np.abs(difference(points, guess, point_map.coordinates) / extent).max(axis=-1))
 
 
 @checked

@@ -208,3 +208,16 @@ def test_a_saddle_with_large_multipliers_is_found_from_nearby(omega: float, part
     orbit = periodic_orbit(stroboscopic_map(wells), [part * expected, 0.0])
     np.testing.assert_allclose(orbit.points, [[expected, 0.0]], atol=1e-4)
     assert abs(orbit.multipliers[0]) == pytest.approx(exp(2.0 * pi / omega), rel=0.1)
+
+
+@pytest.mark.parametrize("direction", [5, 9, 10, 29])
+def test_a_saddle_is_found_where_deviations_grow_little_at_the_guess(direction: int) -> None:
+    # x = cos(t / 2) / 2 is a solution about which deviations obey y'' = y: the multipliers are exp(+-4 pi).
+    def rhs(t: float, x: Any, p: Any) -> Any:
+        return x[1], -0.125 * cos(0.5 * t) + sin(x[0] - 0.5 * cos(0.5 * t))
+
+    pendulum = stroboscopic_map(ForcedSystem(rhs, {}, period=4.0 * pi, coordinates=("x", "v")))
+    turned = 2.0 * pi * direction / 48.0
+    orbit = periodic_orbit(pendulum, [0.5 + 0.006 * np.cos(turned), 0.006 * np.sin(turned)])
+    np.testing.assert_allclose(orbit.points, [[0.5, 0.0]], atol=1e-9)
+    assert abs(orbit.multipliers[0]) == pytest.approx(exp(4.0 * pi), rel=1e-4)
