@@ -20,11 +20,11 @@ from ..orbits.orbit_kinds import PeriodicOrbit
 from ..orbits.shooting import ShootingProblem
 from .branch import Bifurcation, Branch
 from .codimension_two import CodimensionTwo, cosine_of_pair, points_on
-from .function_zeros import FunctionOrbits, FunctionZero, zeros_on
+from .function_zeros import BranchPiece, FunctionOrbits, FunctionZero, zeros_on
 from .intervals import interval_of, limits_of, spans
 from .kinds import BifurcationKind, CodimensionTwoKind
 from .orbit_births import OrbitBirth
-from .period_measures import OrbitFunction, Quantity, measured
+from .period_measures import OrbitFunction, Quantity, measured, turn_of, unwrapped
 from .singular_orbits import SingularOrbits
 
 CurveProblem = SingularOrbits | FunctionOrbits
@@ -81,7 +81,8 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
     @checked
     def measure(self, quantity: Quantity = 0, measure: str | None = "maximum") -> NDArray[np.float64]:
         """Return a measure of each orbit over its period, shape (n,); see :meth:`Branch.measure`."""
-        return measured(self.point_map, self.parameters, self.values, self.points, self.period, quantity, measure)
+        found = measured(self.point_map, self.parameters, self.values, self.points, self.period, quantity, measure)
+        return found if measure is None else unwrapped(found, turn_of(self.point_map, quantity, measure))
 
     @checked
     def orbit(self, place: int) -> PeriodicOrbit:
@@ -95,9 +96,9 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
     def with_zeros(self, functions: Mapping[str, Quantity | OrbitFunction]) -> BifurcationCurve:
         """Return the curve with the zeros and extreme values of functions, as :meth:`Branch.with_zeros` does."""
         problem, unknowns = self._problem, np.array([p.unknowns for p in self._places])
-        closed = self.ends == ("closed", "closed")
-        found = zeros_on(problem, problem.orbits, self.parameters, unknowns, functions, closed=closed)
-        same = replace(self, zeros=tuple(found))
+        pieces = [BranchPiece(problem, problem.orbits, unknowns)]
+        found = zeros_on(pieces, self.parameters, functions, self.ends == ("closed", "closed"))
+        same = replace(self, zeros=found)
         same.__dict__.update({name: kept for name, kept in self.__dict__.items() if name == "_kept"})
         return same
 

@@ -16,10 +16,10 @@ from ..maps.point_map import PointMap
 from ..orbits.multipliers import unstable_count
 from ..orbits.orbit_equations import OrbitProblem
 from ..orbits.orbit_kinds import PeriodicOrbit
-from .function_zeros import FunctionZero, zeros_on
+from .function_zeros import BranchPiece, FunctionZero, zeros_on
 from .kinds import BifurcationKind
 from .normal_forms import NormalForm, form_at
-from .period_measures import OrbitFunction, Quantity, measured
+from .period_measures import OrbitFunction, Quantity, measured, turn_of, unwrapped
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,9 +150,11 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         -------
         ndarray, shape (n,)
             Values, in the unit of the quantity; NaN where it does not return after the period, as an angle that makes
-            full rotations.  Extreme values are those of a trigonometric polynomial through samples that resolve the
-            quantity; for discrete maps they are those of the points of the orbit.  The error is that of the integration
-            over a period, which grows with the largest multiplier; NaN too where it exceeds 1e-5 of the quantity.
+            full rotations.  Means and extreme values of angles are continuous along the branch, and may leave the
+            interval of the angle.  Extreme values are those of a trigonometric polynomial through samples that resolve
+            the quantity; for discrete maps they are those of the points of the orbit.  The error is that of the
+            integration over a period, which grows with the largest multiplier; NaN too where it exceeds 1e-5 of the
+            quantity.
 
         Raises
         ------
@@ -174,7 +176,8 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         True
         """
         values, points = self.values[:, None], self.points
-        return measured(self.point_map, (self.parameter,), values, points, self.period, quantity, measure)
+        found = measured(self.point_map, (self.parameter,), values, points, self.period, quantity, measure)
+        return found if measure is None else unwrapped(found, turn_of(self.point_map, quantity, measure))
 
     @checked
     def orbit(self, place: int) -> PeriodicOrbit:
@@ -189,7 +192,8 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         """Return the branch with the zeros and extreme values of functions of its orbits, which become its `zeros`.
 
         Zeros are located as bifurcations are, to rounding, where a function changes its sign between two points of the
-        branch; two zeros between neighbouring points are missed, and those where it is not known.  They are drawn, and
+        branch; two zeros between neighbouring points are missed, and those where it is not known.  An angle is zero
+        where it is the `value` of the function up to full rotations.  They are drawn, and
         written to files for AUTO (UZ); :func:`continue_bifurcation` continues them in a second parameter.
 
         Parameters
@@ -207,6 +211,11 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         ------
         TypeError, ValueError
             For a quantity that the system does not have, or a function that is not known, or zero, at all points.
+
+        Warns
+        -----
+        RuntimeWarning
+            For a function that is zero along a stretch of the branch, of which no point is returned.
 
         References
         ----------
@@ -226,12 +235,9 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         >>> branch.with_zeros({"peak": peak, "unit": lambda t, x, p: p.w - 1}).zeros
         (FunctionZero(peak at w=0.9899494937), FunctionZero(unit at w=1))
         """
-        found = list[FunctionZero]()
-        for part in self._parts:
-            unknowns = part.unknowns / part.problem.scale
-            closed = len(self._parts) == 1 and self.ends == ("closed", "closed")
-            found += zeros_on(part.problem, part.problem, (self.parameter,), unknowns, functions, part.first, closed)
-        return replace(self, zeros=tuple(found))
+        pieces = [BranchPiece(p.problem, p.problem, p.unknowns / p.problem.scale, p.first) for p in self._parts]
+        found = zeros_on(pieces, (self.parameter,), functions, self.ends == ("closed", "closed"))
+        return replace(self, zeros=found)
 
     @property
     def special_points(self) -> tuple[Bifurcation | FunctionZero, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -10,17 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.checks import warn_caller
 from ..maps.coordinates import wrap
 from ..orbits.arclength import ContinuationStep, SolutionPoint, corrected
 from ..orbits.multipliers import unstable_count
 from ..orbits.orbit_equations import OrbitProblem
 from ..orbits.orbit_kinds import PeriodicOrbit
-from .period_measures import OrbitFunction, Quantity, as_functions, measured
+from .period_measures import OrbitFunction, Quantity, as_functions, measured, shorter, turn_of, unwrapped
 
 _SHIFT = 3e-4  # distance, scaled, of the orbits by whose differences slopes are computed
 _CORRECTIONS = 3  # of Newton's method, after which an orbit closes to rounding
 _FINEST = 1e-12  # tolerance of the integration of functions that are differentiated
 _FLAT, _ROUNDING = 1e-8, 1e-12  # changes of a function relative to its size, and values relative to states, of rounding
+_LAST_BITS = 1e-15  # changes, relative, of functions of points, that are rounding
 _BESIDE = 2  # steps without a change between those on which a function grows and falls
 
 
@@ -79,7 +81,10 @@ class FunctionZero:
 def values_of(
     orbits: OrbitProblem, names: tuple[str, ...], function: OrbitFunction, unknowns: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return a function (n,) of the orbits given by unknowns (n, ...); NaN where these are not finite."""
+    """Return a function (n,) of the orbits given by unknowns (n, ...); NaN where these are not finite.
+
+    Angles are differences to the value of the function the shorter way round.
+    """
     result = np.full(len(unknowns), np.nan)
     known = np.isfinite(unknowns).all(axis=1)
     if known.any():
@@ -91,69 +96,152 @@ def values_of(
         points = wrap(states[:, :d], exact.coordinates)
         quantity, measure = function.quantity, function.measure
         found = measured(exact, names, states[:, d:], points, orbits.period, quantity, measure, _FINEST)
-        result[known] = found - function.value
+        result[known] = shorter(found - function.value, turn_of(exact, quantity, measure))
     return result
 
 
-def zeros_on(
-    problem: Any,
-    orbits: OrbitProblem,
-    names: tuple[str, ...],
-    unknowns: NDArray[np.float64],
-    functions: Mapping[str, Quantity | OrbitFunction],
-    first: int = 0,
-    closed: bool = False,
-) -> list[FunctionZero]:
-    """Return where functions are zero, or extreme, between solutions (n, ...) of the equations of a branch or curve.
+@dataclass(frozen=True, eq=False)
+class BranchPiece:
+    """Solutions (n, ...) of the equations of a branch or curve, from the point number `first` on."""
 
-    The places are numbered from `first` on.  The last point of a closed curve is the first one.
+    problem: Any
+    orbits: OrbitProblem
+    unknowns: NDArray[np.float64]
+    first: int = 0
+
+    def beyond(self, end: int, before: int) -> NDArray[np.float64]:
+        """Return the solution one step further than the point `end`, NaN where there is none."""
+        step = self.unknowns[end] - self.unknowns[before]
+        place = corrected(self.problem, self.unknowns[end] + step, step / np.linalg.norm(step))
+        return np.full_like(step, np.nan) if place is None else place.unknowns
+
+
+def zeros_on(
+    pieces: Sequence[BranchPiece],
+    names: tuple[str, ...],
+    functions: Mapping[str, Quantity | OrbitFunction],
+    closed: bool = False,
+) -> tuple[FunctionZero, ...]:
+    """Return where functions are zero, or extreme, on the pieces of a branch or curve.
+
+    Each piece begins at the end of the one before it; the end of a closed curve is its beginning.
     """
-    last = len(unknowns) - 1
-    if closed:
-        unknowns = np.vstack([unknowns, unknowns[-1] + unknowns[1] - unknowns[0]])
     found: list[tuple[int, float, FunctionZero]] = []
     for name, function in as_functions(functions).items():
-
-        def value(places: NDArray[np.float64], function: OrbitFunction = function) -> NDArray[np.float64]:
-            return values_of(orbits, names, function, places)
-
-        def test(place: SolutionPoint, function: OrbitFunction = function) -> float:
-            if not function.extremum:
-                return float(value(place.unknowns[None])[0])
-            beside = [
-                corrected(problem, place.unknowns + k * _SHIFT * place.tangent, place.tangent) for k in (-2, -1, 1, 2)
-            ]
-            if any(b is None for b in beside):
-                return np.nan
-            return _slope(value(np.array([b.unknowns for b in beside if b is not None])))
-
-        own = value(unknowns)
-        if not np.isfinite(own).any():
+        searches = [_Search(piece, names, function) for piece in pieces]
+        searches = [replace(s, own=s.value(s.piece.unknowns)) for s in searches]
+        known = [s for s in searches if np.isfinite(s.own).any()]
+        if not known:
             raise ValueError(
-                f"functions[{name!r}]: it is not known at any point, as for an angle that makes full rotations"
+                f"functions[{name!r}]: it is not known at any point, as for an angle that makes full rotations, and "
+                "for orbits so unstable that they cannot be followed over a period; give a function of first points"
             )
-        level = max(float(np.abs(unknowns * orbits.scale).max()), abs(function.value))
-        if np.nanmax(np.abs(own)) <= _ROUNDING * level:
+        if all(s.vanishing[np.isfinite(s.own)].all() for s in known):
             raise ValueError(f"functions[{name!r}]: it is zero at all points; give one that changes")
-        seen = {0} if closed else set[int]()
-        for k in _turns(own) if function.extremum else range(last):
-            chord = unknowns[k + 1] - unknowns[k]
-            length = float(np.linalg.norm(chord))
-            begin, end = (SolutionPoint(u, np.empty((0, 0)), chord / length) for u in unknowns[k : k + 2])
-            ends = (test(begin), test(end)) if function.extremum else own[k : k + 2].tolist()
-            place = ContinuationStep(problem, begin, end, length).zero(test, ends)
-            if place is begin or place is end:
-                number = k if place is begin else k + 1
-                place = None if number in seen else corrected(problem, place.unknowns, place.tangent)
-                seen.add(number)
-            if place is not None:
-                state, d = orbits.once(place.unknowns * orbits.scale), orbits.dimension
-                point, factors = wrap(state[:d], orbits.point_map.coordinates), problem.multipliers(place)
+        seen, last = set[int](), pieces[-1].first + len(pieces[-1].unknowns) - 1
+        stretches = np.concatenate([s.stretches + s.piece.first for s in searches])
+        if len(stretches) and not function.extremum:
+            warn_caller(
+                f"functions[{name!r}]: it is zero along stretches, not at points, between the points "
+                f"{stretches.min()} and {stretches.max()}; its other zeros are returned. Give a function that changes "
+                "its sign there",
+                RuntimeWarning,
+            )
+        for m, search in enumerate(searches):
+            piece = search.piece
+            for k, number, place in search.places(closed or m > 0, closed or m < len(pieces) - 1):
+                if number is not None:
+                    number = (piece.first + number) % last if closed else piece.first + number
+                    if number in seen:
+                        continue
+                    seen.add(number)
+                state, d = piece.orbits.once(place.unknowns * piece.orbits.scale), piece.orbits.dimension
+                point, factors = wrap(state[:d], piece.orbits.point_map.coordinates), piece.problem.multipliers(place)
                 zero = FunctionZero(
-                    name, function, names, state[d:], point, factors, first + k % last, place.unknowns, orbits
+                    name, function, names, state[d:], point, factors, piece.first + k, place.unknowns, piece.orbits
                 )
-                found.append((k % last, float(np.linalg.norm(place.unknowns - unknowns[k])), zero))
-    return [zero for *_, zero in sorted(found, key=lambda f: f[:2])]
+                found.append((piece.first + k, float(np.linalg.norm(place.unknowns - piece.unknowns[k])), zero))
+    return tuple(zero for *_, zero in sorted(found, key=lambda f: f[:2]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Search for zeros, or extreme values, of a function on a piece of a branch, with its values (n,) there."""
+
+    piece: BranchPiece
+    names: tuple[str, ...]
+    function: OrbitFunction
+    own: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    def value(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the function (n,) at unknowns (n, ...); an angle that has extreme values is continuous."""
+        function, exact = self.function, self.piece.orbits.point_map
+        values = values_of(self.piece.orbits, self.names, function, unknowns)
+        return unwrapped(values, turn_of(exact, function.quantity, function.measure)) if function.extremum else values
+
+    def test(self, place: SolutionPoint) -> float:
+        """Return what is zero at the place: the function, or its slope."""
+        if not self.function.extremum:
+            return float(self.value(place.unknowns[None])[0])
+        ahead = [place.unknowns + k * _SHIFT * place.tangent for k in (-2, -1, 1, 2)]
+        beside = [corrected(self.piece.problem, guess, place.tangent) for guess in ahead]
+        known = [b.unknowns for b in beside if b is not None]
+        return _slope(self.value(np.array(known))) if len(known) == len(beside) else np.nan
+
+    @property
+    def vanishing(self) -> NDArray[np.bool_]:
+        """Whether the function is rounding, (n,)."""
+        level = np.abs(self.piece.unknowns * self.piece.orbits.scale).max()
+        return np.abs(self.own) <= _ROUNDING * max(float(level), abs(self.function.value))
+
+    @property
+    def stretches(self) -> NDArray[np.int64]:
+        """Numbers of neighbouring points at which the function is zero, or rounding of either sign."""
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], self.vanishing, [False]]).astype(int)))
+        found = [np.empty(0, np.int64)]
+        for start, stop in edges.reshape(-1, 2):
+            signs = np.sign(self.own[start:stop])
+            if np.count_nonzero(signs == 0) > 1 or np.count_nonzero(signs[:-1] * signs[1:] < 0) > 1:
+                found.append(np.arange(start, stop))
+        return np.concatenate(found)
+
+    def places(self, behind: bool, ahead: bool) -> Iterator[tuple[int, int | None, SolutionPoint]]:
+        """Yield step, point number, if it is at one, and place of each zero; the branch may go on on either side."""
+        piece, own, points = self.piece, self.own, self.piece.unknowns
+        last, offset = len(points) - 1, 0
+        if self.function.extremum:
+            if behind:
+                points, offset = np.vstack([piece.beyond(0, 1), points]), 1
+            if ahead:
+                points = np.vstack([points, piece.beyond(-1, -2)])
+            own, steps = np.full(len(points), np.nan), set(_turns(self.value(points), self.function.measure is None))
+        else:
+            steps = set(range(last)) - {k + j for k in self.stretches.tolist() for j in (-1, 0)}
+        for k in sorted(steps):
+            chord = points[k + 1] - points[k]
+            length = float(np.linalg.norm(chord))
+            begin, end = (SolutionPoint(u, np.empty((0, 0)), chord / length) for u in points[k : k + 2])
+            if self.function.extremum:
+                own[k] = self.test(begin) if np.isnan(own[k]) else own[k]
+                own[k + 1] = self.test(end)
+            if not offset <= k < last + offset:
+                continue
+            step = ContinuationStep(piece.problem, begin, end, length)
+            place: SolutionPoint | None = step.zero(self.test, own[k : k + 2].tolist())
+            number = None
+            if place is begin or place is end:
+                at = k if place is begin else k + 1
+                number = at - offset
+                crossed = own[k] * own[k + 1] < 0.0
+                touched = not crossed and 0 < at < len(own) - 1 and own[at - 1] * own[at + 1] > 0.0
+                later = at == k + 1 < last + offset and own[at] * own[at + 1] < 0.0
+                if (later and not crossed) or (touched and (self.function.extremum or not self.vanishing[at])):
+                    continue
+                inside = step.located(self.test) if crossed else None
+                known = inside is not None and abs(self.test(inside)) <= abs(own[at])
+                place = inside if known else corrected(piece.problem, place.unknowns, place.tangent)
+            if place is not None:
+                yield k - offset, number, place
 
 
 def _slope(beside: NDArray[np.float64]) -> float:
@@ -161,11 +249,13 @@ def _slope(beside: NDArray[np.float64]) -> float:
     return float((beside[0] - beside[3] + 8.0 * (beside[2] - beside[1])) / (12.0 * _SHIFT))
 
 
-def _turns(values: NDArray[np.float64]) -> Iterator[int]:
-    """Return the numbers of steps on which a function may have an extreme value."""
+def _turns(values: NDArray[np.float64], exact: bool) -> Iterator[int]:
+    """Return the numbers of steps on which a function, of points or integrated, may have an extreme value."""
+    known = values[np.isfinite(values)]
+    size, span = np.abs(known).max(initial=0.0), np.ptp(known) if len(known) else 0.0
     changes = np.diff(values)
     with np.errstate(invalid="ignore"):
-        clear = np.flatnonzero(np.abs(changes) > _FLAT * np.nanmax(np.abs(values)))
+        clear = np.flatnonzero(np.abs(changes) > (_LAST_BITS * size if exact else max(_FLAT * span, _ROUNDING * size)))
     steps = set[int]()
     for j, k in pairwise(clear):
         if changes[j] * changes[k] < 0.0 and k - j <= _BESIDE:
@@ -217,7 +307,9 @@ class FunctionOrbits:
         nearby = place + _SHIFT * steps @ np.array([along, across])
         for _ in range(_CORRECTIONS):
             nearby[:, :-1] -= self.orbits(nearby)[0] @ inverse.T
-        g = values_of(self.orbits, self.names, self.function, nearby) / self.unit
+        g = values_of(self.orbits, self.names, self.function, nearby)
+        turn = turn_of(self.orbits.point_map, self.function.quantity, self.function.measure)
+        g = (g[0] + shorter(g - g[0], turn)) / self.unit
         if self.function.extremum:
             value, by_along = _slope(g[1:5]), (g[2] - 2.0 * g[0] + g[3]) / _SHIFT**2
             by_across = (g[7] - g[8] - g[9] + g[10]) / (4.0 * _SHIFT**2)

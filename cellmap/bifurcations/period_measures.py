@@ -158,6 +158,30 @@ def measured_along(
     return result
 
 
+def turn_of(point_map: PointMap, quantity: Quantity, measure: str | None) -> float:
+    """Return the period of a measure that is an angle, and 0 for others."""
+    exact = point_map.without_table
+    if measure in {PeriodMeasure.AMPLITUDE, PeriodMeasure.NORM} or callable(quantity):
+        return 0.0
+    axes = exact.spec.system.axes if isinstance(exact.spec, Stroboscopic | Section) else exact.coordinates
+    chosen = exact.coordinates[quantity].name if isinstance(quantity, int) else quantity
+    return next((c.period or 0.0 for c in axes if c.name == chosen), 0.0)
+
+
+def shorter(differences: NDArray[np.float64], turn: float) -> NDArray[np.float64]:
+    """Return differences of angles the shorter way round."""
+    return differences - turn * np.round(differences / turn) if turn else differences
+
+
+def unwrapped(values: NDArray[np.float64], turn: float) -> NDArray[np.float64]:
+    """Return angles (n,) along a branch, each next to the one before it that is known."""
+    known = np.isfinite(values)
+    if turn and known.any():
+        values = values.copy()
+        values[known] = np.unwrap(values[known], period=turn)
+    return values
+
+
 def _size(signals: NDArray[np.float64]) -> NDArray[np.float64]:
     size = np.abs(signals).max(axis=1, initial=0.0)
     return np.where(size > 0.0, size, 1.0)

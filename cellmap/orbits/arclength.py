@@ -106,8 +106,11 @@ class ContinuationStep:
         return replace(begin, unknowns=begin.unknowns + share * (end.unknowns - begin.unknowns))
 
     def located(self, test: Test) -> SolutionPoint | None:
-        """Return the solution point between the ends at which a test function changes its sign."""
-        from scipy.optimize import brentq
+        """Return the solution point between the ends at which a test function changes its sign.
+
+        Where interpolation does not get there, as at zeros of high multiplicity, the step is halved instead.
+        """
+        from scipy.optimize import bisect, brentq
 
         def value(length: float) -> float:
             place = self.at(length)
@@ -116,7 +119,9 @@ class ContinuationStep:
             return test(place)
 
         try:
-            return self.at(brentq(value, 0.0, self.length, xtol=1e-15, rtol=1e-14))
+            bounds = {"xtol": 1e-15, "rtol": 1e-14, "full_output": True, "disp": False}
+            length, found = brentq(value, 0.0, self.length, **bounds)
+            return self.at(length if found.converged else bisect(value, 0.0, self.length, **bounds)[0])
         except (FloatingPointError, ValueError):
             return None
 

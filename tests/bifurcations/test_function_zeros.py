@@ -148,3 +148,78 @@ def test_a_closed_branch_has_each_zero_once() -> None:
     expected = [("half", -side), ("half", side), ("q", -1.0), ("q", 1.0), ("x", -1.0), ("x", 1.0)]
     assert [name for name, _ in found] == [name for name, _ in expected]
     np.testing.assert_allclose([x for _, x in found], [x for _, x in expected], atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def parabola() -> Branch:
+    """Fixed points x^2 = q, from (1/2, 1/4) on: the initial orbit is where the two parts of the branch meet."""
+    fold = discrete_map(lambda x, p: (x[0] + p.q - x[0] ** 2,), {"q": 0.25}, ("x",))
+    return continue_orbit(fold, periodic_orbit(fold, [0.5]), "q", -0.3, 0.8)
+
+
+def test_zeros_and_extrema_at_the_initial_orbit_are_found_once(parabola: Branch) -> None:
+    functions = {
+        "q": lambda t, x, p: p.q - 0.25,
+        "touches": lambda t, x, p: (x[0] - 0.5) ** 2,
+        "least": OrbitFunction(lambda t, x, p: (x[0] - 0.5) ** 2, extremum=True),
+        "last": lambda t, x, p: x[0] - p.q - np.sqrt(0.8) + 0.8,
+    }
+    zeros = [(z.name, z.point[0]) for z in parabola.with_zeros(functions).zeros]
+    names = sorted(name for name, _ in zeros)
+    assert names == ["last", "last", "least", "q", "q", "touches"]
+    # x - x^2 has the same value at x and at 1 - x.
+    expected = {"q": {-0.5, 0.5}, "touches": {0.5}, "least": {0.5}, "last": {np.sqrt(0.8), 1.0 - np.sqrt(0.8)}}
+    for name, places in expected.items():
+        np.testing.assert_allclose(sorted(x for n, x in zeros if n == name), sorted(places), atol=1e-9)
+
+
+def test_zeros_of_high_multiplicity_lose_no_others(parabola: Branch) -> None:
+    functions = {f"{n}": lambda t, x, p, n=n: (x[0] - 0.31) ** n for n in (3, 5, 9)}
+    found = parabola.with_zeros({**functions, "x": OrbitFunction("x", value=0.2)}).zeros
+    assert [z.name for z in found] == ["x", "3", "5", "9"]
+    np.testing.assert_allclose([z.point[0] for z in found], [0.2, 0.31, 0.31, 0.31], rtol=0, atol=1e-13)
+
+
+def test_extrema_are_found_on_large_constants_and_where_they_are_flat(parabola: Branch) -> None:
+    functions = {
+        "quartic": OrbitFunction(lambda t, x, p: (x[0] - 0.31) ** 4, extremum=True),
+        "large": OrbitFunction(lambda t, x, p: 1e6 + (x[0] - 0.31) ** 2, extremum=True),
+        "inflection": OrbitFunction(lambda t, x, p: (x[0] - 0.31) ** 3, extremum=True),
+    }
+    found = {z.name: z.point[0] for z in parabola.with_zeros(functions).zeros}
+    # Truncation of the slope's differences, 16 (3e-4)^4, under a cube root; rounding of 1e6 beside a slope.
+    assert found == {"quartic": pytest.approx(0.31, abs=5e-5), "large": pytest.approx(0.31, abs=1e-6)}
+
+
+def test_functions_that_are_zero_on_a_stretch_are_said_so_once(parabola: Branch) -> None:
+    functions = {
+        "kink": lambda t, x, p: max(0.0, x[0] - 0.31),
+        "half": lambda t, x, p: (x[0] - abs(p.q) ** 0.5) * (x[0] + 0.5),
+    }
+    with pytest.warns(RuntimeWarning, match=r"functions\['(kink|half)'\]: it is zero along stretches") as caught:
+        found = parabola.with_zeros({**functions, "x": OrbitFunction("x", value=0.2)}).zeros
+    assert len(caught) == 2 and [z.name for z in found] == ["half", "x"]
+    np.testing.assert_allclose([z.point[0] for z in found], [-0.5, 0.2], rtol=0, atol=1e-12)
+
+
+def test_angles_are_continuous_along_a_branch_and_zero_up_to_full_rotations() -> None:
+    # The pendulum stands upright: theta - c does not depend on c, and has the mean pi.
+    pendulum = ForcedSystem(
+        lambda t, x, p: (x[1], 4.0 * sin(x[0] - p.c) - 0.5 * x[1] + 0.3 * cos(t)),
+        {"c": -0.3},
+        2.0 * pi,
+        (angle("theta"), "v"),
+    )
+    exact = stroboscopic_map(pendulum)
+    branch = continue_orbit(exact, periodic_orbit(exact, [pi - 0.3, 0.0]), "c", -0.3, 0.5, step=0.1)
+    np.testing.assert_allclose(branch.measure("theta", "mean") - branch.values, pi, rtol=0, atol=1e-9)
+    assert np.ptp(branch.measure("theta", "maximum") - branch.values) < 1e-8
+    functions = {
+        "mean": OrbitFunction("theta", "mean", value=pi),
+        "more": OrbitFunction("theta", "mean", value=pi + 0.2),
+        "first": OrbitFunction("theta", value=pi),
+        "none": OrbitFunction("theta", "mean", extremum=True),
+    }
+    found = {z.name: z.value for z in branch.with_zeros(functions).zeros}
+    first = -0.3 + pi - branch.points[0, 0]
+    assert found == pytest.approx({"mean": 0.0, "more": 0.2, "first": first}, abs=1e-9)
