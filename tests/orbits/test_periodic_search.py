@@ -193,6 +193,14 @@ def test_orbits_of_long_periods_of_full_parabolas(step: Any, window: tuple[float
     assert sorted(sizes)[:-1] == pytest.approx([1.0] * (len(sizes) - 1), rel=1e-7)
 
 
+@pytest.mark.parametrize(("a", "b", "extent", "cells", "longest"), [(6.0, 0.3, 4.0, 150, 7), (10.0, -1.0, 5.0, 250, 6)])
+def test_each_orbit_of_a_horseshoe_is_found_once(a: float, b: float, extent: float, cells: int, longest: int) -> None:
+    # Devaney, Nitecki, Communications in Mathematical Physics 67 (1979) 137: one orbit for each binary Lyndon word.
+    henon = discrete_map(lambda x, p: (a - x[0] ** 2 + b * x[1], x[0]), {}, ("x", "y"))
+    found = find_periodic_orbits(henon, CellGrid([-extent] * 2, [extent] * 2, [cells] * 2), max_period=longest)
+    assert Counter(o.period for o in found) == dict(zip(range(1, longest + 1), (2, 1, 2, 3, 6, 9, 18), strict=False))
+
+
 @pytest.mark.parametrize("omega", [0.5, 0.7, 0.9])
 @pytest.mark.parametrize("part", [0.0, 0.9, 1.0, 2.0])
 def test_a_saddle_with_large_multipliers_is_found_from_nearby(omega: float, part: float) -> None:
