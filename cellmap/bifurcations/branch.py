@@ -152,9 +152,11 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
             Values, in the unit of the quantity; NaN where it does not return after the period, as an angle that makes
             full rotations.  Means and extreme values of angles are continuous along the branch, and may leave the
             interval of the angle.  Extreme values are those of a trigonometric polynomial through samples that resolve
-            the quantity; for discrete maps they are those of the points of the orbit.  The error is that of the
-            integration over a period, which grows with the largest multiplier; NaN too where it exceeds 1e-5 of the
-            quantity.
+            the quantity.  Where 1024 samples in a step do not, because of jumps or kinks, extreme values are values of
+            the quantity at times found to 1e-9 of a step beside the best sample, and means those of the samples, to
+            1e-3 of its jumps; NaN where it oscillates between the samples.  For discrete maps all are those of the
+            points of the orbit.  The error is that of the integration over a period, which grows with the largest
+            multiplier; NaN too where it exceeds 1e-5 of the quantity.
 
         Raises
         ------

@@ -23,6 +23,10 @@ from ..maps.trajectories import Sampler
 
 _SAMPLES, _MOST_SAMPLES = 64, 1024  # in a step of the map
 _TAIL = 1e-10  # largest harmonics of the upper quarter, relative to all, of a signal that is resolved
+_CHECKS = 37  # samples in a step, with no factor in common with the others, at which these must give the same signal
+_AGREES, _ROUGH = 1e-6, 1e-3  # differences there, relative: of smooth signals, and beyond the samples beside them
+_GOLDEN = 0.5 * (5.0**0.5 - 1.0)  # its multiples, less whole numbers, are times that no number of samples aliases
+_ZOOMS = 10  # finer samples around an extreme value of a signal with jumps or kinks
 _FINER = 8  # points between two samples at which the largest value is looked for first
 _NEWTON_STEPS = 4
 _BLOCK = 8192  # steps of orbits that are integrated together
@@ -101,7 +105,9 @@ def measured(
     """Return a measure (n,) of orbits through points (n, d) at values (n, m) of some parameters.
 
     The states within a period are integrated at equal distances in time, at more of them until the harmonics of the
-    quantity have died out; its extreme values are those of the trigonometric polynomial through them.  For a discrete
+    quantity have died out, and agree with others between them; its extreme values are those of the trigonometric
+    polynomial through them.  Where 1024 samples in a step do not resolve it, they are values that it takes if it has
+    jumps or kinks, and NaN if it oscillates between the samples.  For a discrete
     map the points of the orbit stand for all times.  NaN where the quantity does not return after the period, as an
     angle that makes full rotations.  Without a measure, the quantity at the points.  The tolerances are those of the
     map, or `finest` if that is less.
@@ -112,22 +118,95 @@ def measured(
         times = np.full((1, len(points)), phase) * _lengths(point_map, names, values)
         return _quantity(point_map, names, values, times, _on_section(spec, points)[None], quantity)[:, 0]
     chosen = PeriodMeasure(one_of("measure", measure, tuple(PeriodMeasure)))
-    result = np.full(len(values), np.nan)
+    result, flow = np.full(len(values), np.nan), _is_flow(point_map)
     rows, samples = np.arange(len(values)), _SAMPLES
     while len(rows):
-        signals = _signals(point_map, names, values[rows], points[rows], period, quantity, samples, finest)
+        given = names, values[rows], points[rows], period
+        times, states = _motion(point_map, *given, samples, finest)
+        times = np.broadcast_to(times, states.shape[:2])
+        signals = _quantity(point_map, names, values[rows], times, states, quantity)
         apart = np.abs(signals[:, -1] - signals[:, 0])
         closed = apart <= _CLOSED * _size(signals)
-        signals = signals[:, :-1]
-        harmonics = np.fft.rfft(signals) / signals.shape[1]
+        harmonics = np.fft.rfft(signals[:, :-1]) / (signals.shape[1] - 1)
         strength = np.abs(harmonics)
         tail = strength[:, 3 * strength.shape[1] // 4 :].max(axis=1, initial=0.0)
-        coarse = closed & (tail > np.maximum(_TAIL * strength.max(axis=1), apart)) & (samples < _MOST_SAMPLES)
-        coarse &= _is_flow(point_map)
-        done = closed & ~coarse
-        result[rows[done]] = _reduced(chosen, signals[done], harmonics[done], point_map)
-        rows, samples = rows[coarse], 2 * samples
+        resolved = (tail <= np.maximum(_TAIL * strength.max(axis=1), apart)) | (not flow)
+        rough = np.zeros(len(rows), bool)
+        if flow and (resolved.any() or samples == _MOST_SAMPLES):
+            # Harmonics that are aliased are seen at another number of samples, and at irregular times.
+            checks = _signals(point_map, *given, quantity, _CHECKS, finest)[:, :-1]
+            phases = np.append(
+                np.arange(checks.shape[1]) / checks.shape[1], np.arange(1, _CHECKS * period) * _GOLDEN % 1.0
+            )
+            loose = np.arange(len(phases)) >= checks.shape[1]  # states from polynomials are less accurate
+            inside = np.repeat(phases[loose, None] * (len(states) - 1), len(rows), axis=1)
+            checks = np.hstack([checks, _quantity(point_map, *given[:2], *_between(times, states, inside), quantity)])
+            slack = np.where(loose, _ROUGH, _AGREES) * _size(signals)[:, None] + 10.0 * apart[:, None]
+            waves = np.exp(2j * np.pi * np.outer(np.arange(harmonics.shape[1]), phases))
+            waves[1 : (signals.shape[1] - 1) // 2] *= 2.0
+            resolved &= (np.abs((harmonics @ waves).real - checks) <= slack).all(axis=1)
+            beside = (phases * (signals.shape[1] - 1)).astype(int)
+            pair = np.stack([signals[:, beside], signals[:, beside + 1]])
+            slack = _ROUGH * _size(signals)[:, None]
+            rough = ((checks >= pair.min(axis=0) - slack) & (checks <= pair.max(axis=0) + slack)).all(axis=1)
+        done = closed & resolved
+        result[rows[done]] = _reduced(chosen, signals[done, :-1], harmonics[done], point_map)
+        left = closed & ~resolved
+        if samples == _MOST_SAMPLES:
+            left &= rough
+
+            def value(t: Any, x: Any, n: tuple[str, ...] = names, v: Any = values[rows[left]]) -> NDArray[np.float64]:
+                return _quantity(point_map, n, v, t, x, quantity)
+
+            result[rows[left]] = _of_samples(chosen, signals[left], times[:, left], states[:, left], value)
+            break
+        rows, samples = rows[left], 2 * samples
     return result
+
+
+def _of_samples(
+    measure: PeriodMeasure,
+    signals: NDArray[np.float64],
+    times: NDArray[np.float64],
+    states: NDArray[np.float64],
+    value: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]],
+) -> NDArray[np.float64]:
+    """Return a measure (n,) of signals (n, times) with jumps or kinks, whose extreme values are values that they take.
+
+    Those are looked for between the samples beside the best one, with states from polynomials through five samples.
+    """
+    if measure in {PeriodMeasure.MEAN, PeriodMeasure.NORM}:
+        mean = (signals[:, :-1] if measure is PeriodMeasure.MEAN else signals[:, :-1] ** 2).mean(axis=1)
+        return np.asarray(mean if measure is PeriodMeasure.MEAN else np.sqrt(mean))
+    each = np.arange(len(signals))
+
+    def largest(sign: float) -> NDArray[np.float64]:
+        best = np.argmax(sign * signals, axis=1)
+        high, place, width = sign * signals[each, best], best.astype(float), 1.0
+        for _ in range(_ZOOMS):
+            at = np.clip(place + width * np.linspace(-1.0, 1.0, 2 * _FINER + 1)[:, None], 0.0, len(states) - 1.0)
+            found = sign * value(*_between(times, states, at))
+            best = np.argmax(found, axis=1)
+            high, place, width = np.maximum(high, found[each, best]), at[best, each], width / _FINER
+        return high
+
+    high, low = largest(1.0), -largest(-1.0)
+    if measure is PeriodMeasure.AMPLITUDE:
+        return np.asarray(0.5 * (high - low))
+    return high if measure is PeriodMeasure.MAXIMUM else low
+
+
+def _between(
+    times: NDArray[np.float64], states: NDArray[np.float64], places: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return times and states at places (k, n) between samples (count, n, ...), by polynomials through five of them."""
+    centre = np.clip(np.rint(places).astype(int), 2, len(states) - 3)
+    at, nodes = places - centre, range(-2, 3)
+    weights = [np.prod([(at - m) / (k - m) for m in nodes if m != k], axis=0) for k in nodes]
+    each = np.arange(states.shape[1])
+    when = sum(w * times[centre + k, each] for w, k in zip(weights, nodes, strict=True))
+    where = sum(w[..., None] * states[centre + k, each] for w, k in zip(weights, nodes, strict=True))
+    return np.asarray(when), np.asarray(where)
 
 
 def measured_along(
@@ -198,6 +277,20 @@ def _signals(
     finest: float = np.inf,
 ) -> NDArray[np.float64]:
     """Return the quantity (n, times + 1) from the beginning of the period of orbits to its end."""
+    times, states = _motion(point_map, names, values, points, period, samples, finest)
+    return _quantity(point_map, names, values, times, states, quantity)
+
+
+def _motion(
+    point_map: PointMap,
+    names: tuple[str, ...],
+    values: NDArray[np.float64],
+    points: NDArray[np.float64],
+    period: int,
+    samples: int,
+    finest: float = np.inf,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return times (times + 1, n) from the beginning of the period of orbits to its end, and states there."""
     exact = point_map.without_table
     spec, d = exact.spec, exact.dimension
     if isinstance(spec, Section):
@@ -208,14 +301,14 @@ def _signals(
             place, lengths = back.points, lengths + back.times
         states = cycles.states(np.column_stack([_on_section(spec, points), values, lengths]), 1)[0][..., : d + 1]
         times = np.arange(len(states))[:, None] / samples * lengths
-        return _quantity(exact, names, values, times, states, quantity)
+        return times, states
     if not isinstance(spec, Stroboscopic):
         swept = swept_map(exact, *names)
         orbit = [np.column_stack([points, values])]
         for _ in range(period):
             orbit.append(swept(orbit[-1]))
         times = np.broadcast_to(np.arange(period + 1.0)[:, None], (period + 1, len(points)))
-        return _quantity(exact, names, values, times, np.array(orbit)[..., :d], quantity)
+        return times, np.array(orbit)[..., :d]
     sampler = _sampler(spec, names, samples, finest)
     if sampler is not None:
         states = sampler.states(np.column_stack([points, values]), period)[0][..., :d]
@@ -225,7 +318,7 @@ def _signals(
         )
         states = np.concatenate([s.states(p[None], period)[0] for s, p in zip(each, points, strict=True)], axis=1)
     times = (spec.phase + np.arange(len(states))[:, None] / samples) * _lengths(exact, names, values)
-    return _quantity(exact, names, values, times, states, quantity)
+    return times, states
 
 
 def _quantity(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, exp, pi, sin
+from math import copysign, cos, exp, pi, sin
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -203,3 +203,35 @@ def test_limit_cycles_have_their_amplitude_whatever_the_section() -> None:
         np.testing.assert_allclose(branch.measure(quantity, measure), expected, rtol=1e-9, atol=1e-12)
     (zero,) = branch.with_zeros({"half": OrbitFunction("y", "amplitude", value=0.5)}).zeros
     assert zero.value == pytest.approx(0.25, abs=1e-11)
+
+
+def test_high_harmonics_and_signals_with_jumps_and_kinks_have_no_wrong_measure() -> None:
+    # x'' + x'/2 + 4 x = F cos t + h^2 cos(h t), whose linear response is in closed form.
+    h = 64
+    system = ForcedSystem(
+        lambda t, x, p: (x[1], -4.0 * x[0] - 0.5 * x[1] + p.F * cos(t) + h * h * cos(h * t)),
+        {"F": 1.0},
+        2.0 * pi,
+        ("x", "v"),
+    )
+    linear = stroboscopic_map(system, rtol=1e-10, atol=1e-10)
+    branch = continue_orbit(linear, periodic_orbit(linear, [0.3, 0.0]), "F", 0.9, 1.1, step=0.5)
+    low, high = branch.values[-1] / (3.0 + 0.5j), h * h / (4.0 - h * h + 0.5j * h)
+    t = np.linspace(0.0, 2.0 * pi, 400001)
+    x = (low * np.exp(1j * t) + high * np.exp(1j * h * t)).real
+    found = [branch.measure("x", measure)[-1] for measure in ("maximum", "mean", "norm")]
+    assert found == pytest.approx([x.max(), 0.0, np.sqrt(0.5 * (abs(low) ** 2 + abs(high) ** 2))], abs=1e-7)
+    for n in (64, 69, 2368):
+        values = [branch.measure(lambda t, x, p, n=n: cos(n * t), m)[-1] for m in ("maximum", "mean", "norm")]
+        known = np.isfinite(values)
+        np.testing.assert_allclose(np.array(values)[known], np.array([1.0, 0.0, np.sqrt(0.5)])[known], atol=1e-9)
+        assert known.all() == (n < 100) == known.any()
+    for function, least, greatest in (
+        (lambda t, x, p: max(0.0, cos(t - 1.0)), 0.0, 1.0),
+        (lambda t, x, p: abs(cos(t - 1.0)), 0.0, 1.0),
+        (lambda t, x, p: abs(cos(t - 1.0)) + 0.5 * sin(t - 1.0), -0.5, np.sqrt(1.25)),
+    ):
+        assert branch.measure(function, "minimum") == pytest.approx(least, abs=1e-9)
+        assert branch.measure(function, "maximum") == pytest.approx(greatest, abs=1e-9)
+    jumps = [branch.measure(lambda t, x, p: copysign(1.0, x[1]), m)[-1] for m in ("minimum", "maximum", "amplitude")]
+    assert jumps == [-1.0, 1.0, 1.0]
