@@ -98,7 +98,8 @@ def text(name: str, value: Any) -> str:
 def one_of(name: str, value: Any, choices: tuple[Any, ...]) -> Any:
     """Return a value that is among the choices."""
     if not np.isscalar(value) or value not in choices:
-        raise ValueError(f"{name}={shown(value)}: choose one of {', '.join(map(repr, choices))}")
+        named = (repr(str(c) if isinstance(c, str) else c) for c in choices)
+        raise ValueError(f"{name}={shown(value)}: choose one of {', '.join(named)}")
     return value
 
 

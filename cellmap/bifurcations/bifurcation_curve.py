@@ -185,7 +185,8 @@ def continue_bifurcation(
     ------
     TypeError, ValueError
         For a transcritical bifurcation, which a generic second parameter destroys unless a solution is known for all
-        values (see :func:`stability_map`), an unknown parameter or empty intervals.
+        values (see :func:`stability_map`), a degenerate one, one of another branch, an unknown parameter or empty
+        intervals.
 
     References
     ----------
@@ -206,6 +207,15 @@ def continue_bifurcation(
         raise ValueError(
             f"bifurcation={bifurcation!r}: a generic second parameter destroys it; for an equilibrium that is the same "
             "state at all values use stability_map"
+        )
+    if isinstance(bifurcation, Bifurcation) and bifurcation.kind is BifurcationKind.DEGENERATE:
+        raise ValueError(
+            f"bifurcation={bifurcation!r}: no condition singles out what crosses there, and there is no curve to "
+            "continue; for an equilibrium that is the same state at all values use stability_map"
+        )
+    if not any(part.problem is bifurcation._problem for part in branch._parts):
+        raise ValueError(
+            f"bifurcation={bifurcation!r}: it is not of branch={branch!r}; give one of its bifurcations or zeros"
         )
     exact = branch.point_map.with_params(**{branch.parameter: bifurcation.value})
     names = (branch.parameter, parameter)

@@ -91,8 +91,9 @@ def arnold_tongue(
     point_map : PointMap
         The map, at a value of the second parameter at which the tongue is open.
     rotations, period : int
-        p and q of the rotation number p/q, without common divisor, 0 <= p <= q.  In a plane without angles orbits are
-        counted anticlockwise: where they turn p/q clockwise, the number is (q - p)/q.
+        p and q of the rotation number p/q, without common divisor, 0 <= p <= q, or -q <= p < 0 for an angle that turns
+        backwards.  In a plane without angles orbits are counted anticlockwise: where they turn p/q clockwise, the
+        number is (q - p)/q.
     parameters : tuple of str
         Names of the two parameters.
     first, second : tuple of float
@@ -142,7 +143,8 @@ def arnold_tongue(
         raise ValueError(f"parameters={parameters!r}: give two different parameters")
     if exact.dimension == 1 and exact.coordinates[0].period is None:
         raise ValueError(f"point_map={point_map!r} has neither an angle nor a plane in which orbits could rotate")
-    q, p = whole_number("period", period, at_least=1), whole_number("rotations", rotations)
+    q = whole_number("period", period, at_least=1)
+    p = whole_number("rotations", rotations, -q if turns_of(exact.coordinates)[1].any() else 0)
     if gcd(p, q) != 1 or p > q:
         raise ValueError(f"rotations={p!r}, period={q!r}: give p and q without common divisor, p at most q")
     low, high = (finite_number("first", value) for value in pair_of("first", first))
@@ -247,8 +249,14 @@ class _Numbers:
             # Rotation numbers are known up to whole numbers.
             crossing = crossing[np.abs(apart[crossing + 1] - apart[crossing]) < 0.5]
             if not len(crossing):
-                mirrored = (numbers + ratio - 1.0)[np.isfinite(numbers)]
-                if mirrored.min(initial=np.inf) <= 0.0 <= mirrored.max(initial=-np.inf) and not self._has_angle:
+                mirrored = (numbers + ratio - (not self._has_angle))[np.isfinite(numbers)]
+                found = mirrored.min(initial=np.inf) <= 0.0 <= mirrored.max(initial=-np.inf)
+                if found and self._has_angle:
+                    remedy = (
+                        f"; the angle turns the other way, with the rotation number {-ratio:.9g}: give rotations with "
+                        "the other sign"
+                    )
+                elif found:
                     remedy = (
                         f"; in the plane of the first two coordinates orbits turn clockwise, with the rotation number "
                         f"{1.0 - ratio:.9g}: give rotations=period - rotations"
