@@ -27,6 +27,8 @@ from .orbit_births import OrbitBirth
 from .period_measures import OrbitFunction, Quantity, measured, turn_of, unwrapped
 from .singular_orbits import SingularOrbits
 
+_BROKEN = "symmetry broken"
+
 CurveProblem = SingularOrbits | FunctionOrbits
 """Equations of a curve in two parameters."""
 
@@ -155,7 +157,8 @@ def continue_bifurcation(
     The equations of the orbit and the bifurcation condition, det(M - I) = 0 (fold), det(M + I) = 0 (period doubling) or
     the product of all mu_i mu_j - 1 = 0 (Neimark-Sacker), with the monodromy matrix M and its multipliers mu_i, are
     continued by pseudo-arclength in both parameters.  For a pitchfork, which persists through a symmetry, displacements
-    along the left null vector are in addition held at zero.
+    along the left null vector are in addition held at zero; where that leads to no symmetric orbits, the centre of the
+    symmetry moves, and is where the second derivative of the residual along the null vectors vanishes.
 
     Parameters
     ----------
@@ -240,7 +243,15 @@ def continue_bifurcation(
     start = corrected(problem, unknowns, np.linalg.svd(problem(unknowns)[1])[2][-1])
     if start is None:
         raise ValueError(f"bifurcation={bifurcation!r}: it is not found again with both parameters free")
-    return CurveTracer(problem, names, box, *limits_of(step, max_points), progress).curve(start)
+    tracer = CurveTracer(problem, names, box, *limits_of(step, max_points), progress)
+    curve = tracer.curve(start)
+    if _BROKEN in curve.ends and isinstance(problem, SingularOrbits):
+        # The centre of the symmetry may move with the parameters.
+        moving = problem.with_moving_centre()
+        start = corrected(moving, unknowns, np.linalg.svd(moving(unknowns)[1])[2][-1])
+        other = None if start is None else replace(tracer, problem=moving).curve(start)
+        curve = curve if other is None or _BROKEN in other.ends else other
+    return curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,7 +300,7 @@ class CurveTracer:
                 return "refused"
             known = place is not None and step.along(place.unknowns) > 0.0
             return End("multipliers met on the real axis", place if known else None)
-        return None if problem.is_symmetric(step.end) else End("symmetry broken")
+        return None if problem.is_symmetric(step.end) else End(_BROKEN)
 
     def curve(self, start: SolutionPoint) -> BifurcationCurve:
         """Trace the curve on both sides of a point."""

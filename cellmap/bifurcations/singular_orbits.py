@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,8 @@ _DIFFERENCE = 3e-5  # in scaled unknowns, between derivatives whose derivatives 
 _REAL = 1e-4  # imaginary part of multipliers that have met on the real axis
 _BESIDE = 1e-3  # displacement, scaled, along the null vector, at which a symmetry shows
 _EVEN = 1e-4  # even part of the residual there, in squares of it, that is rounding and terms of the fourth order
-_CLOSED = 1e-9  # residual of an orbit
+_CLOSED = 1e-9  # residual of an orbit,
+_CENTRED = 1e-11  # and at a centre about which it is odd to third order
 _ROUNDS = 8
 _CONVERGED = 1e-13
 
@@ -34,7 +35,8 @@ class SingularOrbits:
     condition is that the smallest singular value vanishes: it does whatever the size of the other multipliers, with a
     gradient from second derivatives along the singular vectors.  At a pitchfork, which is a branch point at `origin` (n
     d + m,) and persists through a symmetry, the residual along the left null vector is an unfolding that is left out,
-    and displacements along it are held at zero.
+    and displacements along it are held at zero; where the centre of the symmetry moves (an `origin` of NaN), the second
+    derivative of that residual along the right null vector vanishes instead.
 
     References
     ----------
@@ -75,7 +77,7 @@ class SingularOrbits:
         here, ahead, behind = self.orbits(place.unknowns + np.outer([0.0, 1.0, -1.0], along))[0] @ left[:, -1]
         size = 1.0 + float(np.linalg.norm(matrix))
         curved = abs(ahead + behind - 2.0 * here) / (2.0 * _BESIDE**2)
-        return bool(abs(here) <= _CLOSED * size and curved <= _EVEN * size)
+        return bool(abs(here) <= (_CENTRED if self._moves else _CLOSED) * size and curved <= _EVEN * size)
 
     def __call__(self, unknowns: Vectors) -> tuple[Vectors, NDArray[np.float64]]:
         """Return residuals (n d + 1,) and their derivatives (n d + 1, n d + m) at unknowns (n d + m,)."""
@@ -89,11 +91,36 @@ class SingularOrbits:
         block = self.orbits.twisted(slopes) if self.kind is BifurcationKind.PERIOD_DOUBLING else slopes[:, :states]
         null, size, gradient = smallest(self.orbits, unknowns, block)
         if self.kind is BifurcationKind.PITCHFORK:
-            broken = null @ (unknowns - self.origin)[:states]
+            if self._moves:
+                broken, across = self._curvature(unknowns, null), self._curvature_slopes(unknowns, null)
+            else:
+                broken = float(null @ (unknowns - self.origin)[:states])
+                across = np.append(null, np.zeros(len(unknowns) - states))
             residual = residual + (broken - null @ residual) * null
-            slopes = slopes - np.outer(null, null @ slopes)
-            slopes[:, :states] += np.outer(null, null)
+            slopes = slopes + np.outer(null, across - null @ slopes)
         return np.append(residual, size), np.vstack([slopes, gradient])
+
+    @property
+    def _moves(self) -> bool:
+        return bool(np.isnan(self.origin).any())
+
+    def with_moving_centre(self) -> SingularOrbits:
+        """Return the equations of pitchforks about a centre that depends on the parameters."""
+        return replace(self, origin=np.full_like(self.origin, np.nan))
+
+    def _curvature(self, unknowns: Vectors, null: Vectors) -> float:
+        """Return the second derivative along the right null vector of the residual along the left one.
+
+        The left null vector has the direction of a similar one.
+        """
+        left, _, right = np.linalg.svd(self.orbits(unknowns)[1][:, : self.orbits.states])
+        along = np.append(right[-1], np.zeros(len(unknowns) - len(left)))
+        return float(_bent(self.orbits, unknowns, left[:, -1], along[None])[0] @ along * np.sign(left[:, -1] @ null))
+
+    def _curvature_slopes(self, unknowns: Vectors, null: Vectors) -> Vectors:
+        shifts = _BESIDE * np.eye(len(unknowns))
+        around = [self._curvature(unknowns + s, null) - self._curvature(unknowns - s, null) for s in shifts]
+        return np.array(around) / (2.0 * _BESIDE)
 
     def _of_areas(self, unknowns: Vectors, slopes: NDArray[np.float64]) -> tuple[float, Vectors]:
         """Return the smallest singular value of the derivatives of areas, and its gradient (n d + m,)."""

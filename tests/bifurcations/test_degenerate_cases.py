@@ -50,6 +50,21 @@ def test_a_pitchfork_is_followed_where_a_parameter_keeps_the_symmetry() -> None:
     np.testing.assert_allclose(curve.values[:, 0], curve.values[:, 1] ** 2, atol=1e-12)
 
 
+def test_a_pitchfork_is_followed_where_the_centre_of_its_symmetry_moves() -> None:
+    # In y = x - sin(3 e) the map is y (1 + q - e^2) - y^3, odd whatever e, with the pitchfork at q = e^2.
+    def step(x, p):  # type: ignore[no-untyped-def]
+        y = x[0] - sin(3.0 * p.e)
+        return y * (1.0 + p.q - p.e**2) - y**3 + sin(3.0 * p.e), 0.5 * x[1] + p.e
+
+    moved = discrete_map(step, {"q": -0.25, "e": 0.0}, ("x", "y"))
+    curve = curve_of(moved, [0.0, 0.0], "q", "e", ((-0.3, 0.3), (-0.1, 0.1)), BifurcationKind.PITCHFORK)
+    assert curve.ends == ("left the intervals", "left the intervals")
+    q, e = curve.values.T
+    assert (e.min(), e.max()) == (-0.1, 0.1)
+    np.testing.assert_allclose(q, e**2, atol=1e-10)
+    np.testing.assert_allclose(curve.points, np.column_stack([np.sin(3.0 * e), 2.0 * e]), atol=1e-9)
+
+
 def test_a_constant_torque_ends_a_curve_of_pitchforks_of_the_pendulum() -> None:
     def rhs(t, x, p):  # type: ignore[no-untyped-def]
         theta, omega = x
