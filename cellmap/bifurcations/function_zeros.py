@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._lib.checks import warn_caller
+from .._lib.checks import shown, warn_caller
 from ..maps.coordinates import wrap
 from ..orbits.arclength import ContinuationStep, SolutionPoint, corrected
 from ..orbits.multipliers import unstable_count
@@ -127,6 +127,8 @@ def zeros_on(
     Each piece begins at the end of the one before it; the end of a closed curve is its beginning.
     """
     found: list[tuple[int, float, FunctionZero]] = []
+    if not isinstance(functions, Mapping):
+        raise TypeError(f"functions={shown(functions)}: give a mapping of names to functions, such as {{'x': 0}}")
     for name, function in as_functions(functions).items():
         searches = [_Search(piece, names, function) for piece in pieces]
         searches = [replace(s, own=s.value(s.piece.unknowns)) for s in searches]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .._compiled.codegen.rebind import over_arrays
 from .._compiled.codegen.trace import parameter_record
-from .._lib.checks import one_of, shown
+from .._lib.checks import finite_number, one_of, shown
 from ..maps.parameters_as_states import swept_map
 from ..maps.poincare import Section, SectionMap
 from ..maps.point_map import PointMap
@@ -51,6 +51,9 @@ class PeriodMeasure(StrEnum):
     """Square root of the mean square (L2 norm)."""
 
 
+_NAMES = tuple(m.value for m in PeriodMeasure)
+
+
 @dataclass(frozen=True)
 class OrbitFunction:
     """Function of an orbit: a quantity at its first point, or a measure of the quantity over the period.
@@ -82,7 +85,10 @@ class OrbitFunction:
 
     def __post_init__(self) -> None:
         if self.measure is not None:
-            one_of("measure", self.measure, tuple(PeriodMeasure))
+            one_of("measure", self.measure, _NAMES)
+        object.__setattr__(self, "value", finite_number("value", self.value))
+        if not isinstance(self.extremum, bool | np.bool_):
+            raise TypeError(f"extremum={shown(self.extremum)}: give True or False")
 
 
 def as_functions(given: Mapping[str, Quantity | OrbitFunction] | None) -> dict[str, OrbitFunction]:
@@ -117,7 +123,7 @@ def measured(
         phase = spec.phase if isinstance(spec, Stroboscopic) else 0.0
         times = np.full((1, len(points)), phase) * _lengths(point_map, names, values)
         return _quantity(point_map, names, values, times, _on_section(spec, points)[None], quantity)[:, 0]
-    chosen = PeriodMeasure(one_of("measure", measure, tuple(PeriodMeasure)))
+    chosen = PeriodMeasure(one_of("measure", measure, _NAMES))
     result, flow = np.full(len(values), np.nan), _is_flow(point_map)
     rows, samples = np.arange(len(values)), _SAMPLES
     while len(rows):
@@ -224,7 +230,7 @@ def measured_along(
     """
     if isinstance(point_map.without_table.spec, Section):
         return np.full(len(points), np.nan)
-    chosen = PeriodMeasure(one_of("measure", measure, tuple(PeriodMeasure)))
+    chosen = PeriodMeasure(one_of("measure", measure, _NAMES))
     n, steps, d = points.shape
     result, block = np.full(n, np.nan), max(_BLOCK // steps, 1)
     for rows in (slice(k, k + block) for k in range(0, n, block)):
@@ -243,7 +249,7 @@ def turn_of(point_map: PointMap, quantity: Quantity, measure: str | None) -> flo
     if measure in {PeriodMeasure.AMPLITUDE, PeriodMeasure.NORM} or callable(quantity):
         return 0.0
     axes = exact.spec.system.axes if isinstance(exact.spec, Stroboscopic | Section) else exact.coordinates
-    chosen = exact.coordinates[quantity].name if isinstance(quantity, int) else quantity
+    chosen = exact.coordinates[quantity].name if isinstance(quantity, int | np.integer) else quantity
     return next((c.period or 0.0 for c in axes if c.name == chosen), 0.0)
 
 
@@ -332,7 +338,7 @@ def _quantity(
     """Return a quantity (n, times) of states (times, n, ...), with all coordinates of a system, at times (times, n)."""
     exact = point_map.without_table
     spec, d = exact.spec, exact.dimension
-    if isinstance(quantity, int):
+    if isinstance(quantity, int | np.integer):
         if isinstance(quantity, bool) or not -d <= quantity < d:
             raise ValueError(f"quantity={quantity!r}: the coordinates have the numbers 0 to {d - 1}")
         quantity = exact.coordinates[quantity].name
@@ -351,9 +357,18 @@ def _quantity(
         raise TypeError(
             f"quantity={shown(quantity)}: give a coordinate, one of the outputs of the system, or a function f(t, x, p)"
         )
-    found = over_arrays(function)(times, tuple(np.moveaxis(states, -1, 0)), _parameters(exact, names, values))
-    first = found[0] if isinstance(found, tuple) else found
-    return np.broadcast_to(np.asarray(first, dtype=float), states.shape[:-1]).T
+    parameters = _parameters(exact, names, values)
+    try:
+        found = over_arrays(function)(times, tuple(np.moveaxis(states, -1, 0)), parameters)
+        first = np.asarray(found[0] if isinstance(found, tuple) else found)
+        if first.dtype.kind not in "biuf":
+            raise TypeError(f"it returns {shown(found)}, not real numbers")
+    except (TypeError, ValueError, AttributeError, IndexError) as error:
+        raise (ValueError if isinstance(error, ValueError) else TypeError)(
+            f"quantity={shown(quantity)}: {error}; give a function f(t, x, p) of the coordinates {axes} and the "
+            f"parameters {list(exact.params)}, written with functions of math, min, max and abs instead of `if`"
+        ) from error
+    return np.broadcast_to(first.astype(float), states.shape[:-1]).T
 
 
 @functools.lru_cache(maxsize=16)

@@ -223,3 +223,34 @@ def test_angles_are_continuous_along_a_branch_and_zero_up_to_full_rotations() ->
     found = {z.name: z.value for z in branch.with_zeros(functions).zeros}
     first = -0.3 + pi - branch.points[0, 0]
     assert found == pytest.approx({"mean": 0.0, "more": 0.2, "first": first}, abs=1e-9)
+
+
+def _branching(t: float, x: Any, p: Any) -> float:
+    return 1.0 if x[0] > 0.0 else 0.0
+
+
+def test_wrong_functions_are_refused_with_a_remedy(parabola: Branch) -> None:
+    for given, message in (
+        ({"value": "1"}, "value='1': give one real number"),
+        ({"value": np.nan}, "value=nan: give a finite number"),
+        ({"extremum": "no"}, "extremum='no': give True or False"),
+        ({"measure": "max"}, "measure='max': choose one of 'maximum', 'minimum'"),
+    ):
+        with pytest.raises((TypeError, ValueError), match=message):
+            OrbitFunction("x", **given)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="functions=None: give a mapping"):
+        parabola.with_zeros(None)  # type: ignore[arg-type]
+    wrong: tuple[Any, ...] = (
+        lambda x: x,
+        lambda t, x, p: p.b,
+        lambda t, x, p: x[5],
+        _branching,
+        lambda t, x, p: 1j * x[0],
+        lambda t, x, p: None,
+    )
+    for function in wrong:
+        with pytest.raises(
+            (TypeError, ValueError, AttributeError, IndexError), match=r"quantity=.*; give a function f\("
+        ):
+            parabola.measure(function, None)
+    np.testing.assert_array_equal(parabola.measure(np.int64(0)), parabola.measure(0))
