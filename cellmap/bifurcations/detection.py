@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.computed import computed_once
 from ..maps.coordinates import wrap
 from ..orbits.arclength import ContinuationStep, SolutionPoint
 from ..orbits.multipliers import MARGIN, pair_on_circle, unstable_count
@@ -46,12 +47,12 @@ class TestValues:
     tests: NDArray[np.float64]
     multipliers: NDArray[np.complex128]
 
-    @property
+    @computed_once
     def unstable(self) -> int:
         """Number of unstable multipliers."""
         return int(unstable_count(self.multipliers))
 
-    @property
+    @computed_once
     def conservative(self) -> bool:
         """Whether the product of all multipliers is 1."""
         return _is_volume_preserving(self.multipliers)
@@ -61,16 +62,22 @@ class TestValues:
 
         A multiplier that holds at -1, or a pair that holds on the unit circle, tells nothing of the others.
         """
-        counts = [[np.count_nonzero(np.abs(f) <= MARGIN) for f in values.factors] for values in (self, other)]
-        return np.array(counts).min(axis=0)
+        return np.minimum(self.vanishing, other.vanishing)
 
-    @property
+    @computed_once
+    def vanishing(self) -> NDArray[np.int64]:
+        """Number of factors (4,) that vanish."""
+        return np.array([np.count_nonzero(np.abs(factors) <= MARGIN) for factors in self.factors])
+
+    @computed_once
     def factors(self) -> list[NDArray[np.complex128]]:
         """Factors of each test function, none of those that are no products over multipliers, the smallest first."""
         return [_factors_of(kind, self.multipliers) for kind in TESTS]
 
     def without(self, held: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the test functions (4,) without a number of factors of each that vanish."""
+        if not held.any():
+            return self.tests
         return np.array([
             float(np.prod(factors[leave:]).real) if leave else value
             for value, factors, leave in zip(self.tests, self.factors, held.tolist(), strict=True)
@@ -81,7 +88,7 @@ class TestValues:
         compared = self.informative | before.informative
         return not bool((np.abs(self.without(self.held(before))[compared]) > _SINGULAR).all())
 
-    @property
+    @computed_once
     def informative(self) -> NDArray[np.bool_]:
         """Which test functions carry information."""
         return np.array([kind is not BifurcationKind.NEIMARK_SACKER or not self.conservative for kind in TESTS])
