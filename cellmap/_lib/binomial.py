@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .arrays import Floats
 from .checks import finite_number, one_of, real_array, shown
 from .signatures import checked
 
@@ -12,7 +13,7 @@ from .signatures import checked
 @checked
 def binomial_interval(
     count: ArrayLike, trials: ArrayLike, confidence: float = 0.95, method: str = "exact"
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Return confidence intervals of fractions.
 
     Parameters

@@ -107,10 +107,7 @@ class Checkpoint:
 
 @contextmanager
 def made(
-    path: Path,
-    belongs: Mapping[str, Any],
-    arrays: Arrays,
-    write: Callable[[h5py.File], None] = lambda file: None,
+    path: Path, belongs: Mapping[str, Any], arrays: Arrays, write: Callable[[h5py.File], None] = lambda file: None
 ) -> Iterator[Checkpoint]:
     """Make a file with arrays of zeros and what `write` adds; yield it, to be filled before it takes its place."""
     with written_whole(path, kind=PART) as temporary:

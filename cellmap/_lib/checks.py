@@ -17,8 +17,9 @@ from reprlib import Repr
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .arrays import Floats, Ints
 from .memory import memory_available
 
 _PACKAGE = str(Path(__file__).parents[1]) + os.sep
@@ -103,7 +104,7 @@ def one_of(name: str, value: Any, choices: tuple[Any, ...]) -> Any:
     return value
 
 
-def real_array(name: str, given: ArrayLike, what: str = "real numbers") -> NDArray[np.float64]:
+def real_array(name: str, given: ArrayLike, what: str = "real numbers") -> Floats:
     """Return a new C-contiguous array of floats, which need not be finite; what is masked is NaN."""
     try:
         array = np.asarray(given)
@@ -149,7 +150,7 @@ def of_the_user(name: str, function: Callable[..., Any], *arguments: Any) -> Any
         raise ValueError(f"{name}={shown(function)} fails, {type(error).__name__}: {error}") from error
 
 
-def whole_array(name: str, given: ArrayLike, what: str = "whole numbers") -> NDArray[np.int64]:
+def whole_array(name: str, given: ArrayLike, what: str = "whole numbers") -> Ints:
     """Return an array of whole numbers; a new one, unless they are int64 already."""
     try:
         array = np.asarray(given)
@@ -162,7 +163,7 @@ def whole_array(name: str, given: ArrayLike, what: str = "whole numbers") -> NDA
     return array.astype(np.int64, copy=False)
 
 
-def finite_points(name: str, points: ArrayLike, dimension: int) -> NDArray[np.float64]:
+def finite_points(name: str, points: ArrayLike, dimension: int) -> Floats:
     """Return points as a new C-contiguous array of shape (..., dimension), all finite."""
     array = real_array(name, points, f"real numbers in an array of shape (..., {dimension})")
     if array.ndim == 0 or array.shape[-1] != dimension:
@@ -180,7 +181,7 @@ def known_parameter(argument: str, name: Any, params: Mapping[str, float]) -> st
     return name
 
 
-def monotone_values(name: str, given: ArrayLike) -> NDArray[np.float64]:
+def monotone_values(name: str, given: ArrayLike) -> Floats:
     """Return values of a parameter as a new array (n,) of floats: finite, strictly increasing or decreasing."""
     values = real_array(name, given, "real numbers, one for each step")
     if values.ndim != 1 or not values.size:

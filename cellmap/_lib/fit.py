@@ -7,8 +7,9 @@ from itertools import pairwise
 from math import ceil, floor, log, sqrt
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .arrays import Floats
 from .checks import finite_number, real_array, whole_number
 from .signatures import checked
 from .student import student_factor
@@ -40,13 +41,13 @@ class Fit:
         What x and y are.
     """
 
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
+    x: Floats
+    y: Floats
     fit_range: tuple[int, int]
     slope: float
     intercept: float
     standard_error: float
-    errors: NDArray[np.float64] | None = None
+    errors: Floats | None = None
     labels: tuple[str, str] = ("x", "y")
 
     def __repr__(self) -> str:
@@ -66,7 +67,7 @@ class Fit:
         reach = student_factor(confidence, max(freedom, 1)) * self.standard_error
         return self.slope - reach, self.slope + reach
 
-    def __call__(self, x: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, x: ArrayLike) -> Floats:
         """Return the line at some places."""
         return np.asarray(self.intercept + self.slope * np.asarray(x, dtype=float))
 
@@ -127,9 +128,7 @@ def fit_line(
     return Fit(px, py, (first, last), slope, intercept, error, sigma, labels)
 
 
-def scaling_window(
-    x: NDArray[np.float64], y: NDArray[np.float64], tolerance: float = 0.05, fewest: int = _FEWEST
-) -> tuple[int, int]:
+def scaling_window(x: Floats, y: Floats, tolerance: float = 0.05, fewest: int = _FEWEST) -> tuple[int, int]:
     """Return the largest window in which points are on a line: the numbers of its first and last point.
 
     A window counts if the slopes between all neighbours in it differ from the slope of its line by no more than
@@ -161,10 +160,10 @@ def scaling_window(
 
 
 def scaling_fit(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
+    x: Floats,
+    y: Floats,
     fit_range: tuple[int, int] | None = None,
-    errors: NDArray[np.float64] | None = None,
+    errors: Floats | None = None,
     labels: tuple[str, str] = ("x", "y"),
     to_the_end: bool = False,
 ) -> Fit:
@@ -183,11 +182,7 @@ def scaling_fit(
 
 
 def steady_window(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    fewest: int = 4,
-    to_the_end: bool = False,
-    errors: NDArray[np.float64] | None = None,
+    x: Floats, y: Floats, fewest: int = 4, to_the_end: bool = False, errors: Floats | None = None
 ) -> tuple[int, int]:
     """Return the window in which a slope is known best: the numbers of its first and last point.
 
@@ -216,13 +211,7 @@ def steady_window(
     return min(found)[3:]
 
 
-def window_spread(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    slope: float,
-    to_the_end: bool = False,
-    errors: NDArray[np.float64] | None = None,
-) -> float:
+def window_spread(x: Floats, y: Floats, slope: float, to_the_end: bool = False, errors: Floats | None = None) -> float:
     """Return by how much a slope depends on the choice of the window.
 
     This is the root of the mean squared distance between the slopes of all windows and a given one, weighted by the
@@ -233,9 +222,7 @@ def window_spread(
     return float(np.sqrt((weights @ (slopes - slope) ** 2) / weights.sum()))
 
 
-def _windows(
-    x: NDArray[np.float64], y: NDArray[np.float64], to_the_end: bool, errors: NDArray[np.float64] | None
-) -> list[tuple[int, int, float, float]]:
+def _windows(x: Floats, y: Floats, to_the_end: bool, errors: Floats | None) -> list[tuple[int, int, float, float]]:
     """Return all windows of three finite points or more: first, last, slope and its error."""
     from scipy.special import stdtrit
 
@@ -279,19 +266,13 @@ def with_drift(fit: Fit) -> Fit:
     return replace(fit, standard_error=float(np.linalg.norm([fit.standard_error, drift, swing, unseen])))
 
 
-def unseen_error(x: NDArray[np.float64], first: int, last: int) -> float:
+def unseen_error(x: Floats, first: int, last: int) -> float:
     """Return the error of a slope for the part of a decade that its window lacks."""
     return _UNIFORM * max(0.0, 1.0 - abs(x[last] - x[first]) / log(10.0))
 
 
 def _drift(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    first: int,
-    last: int,
-    parts: int,
-    errors: NDArray[np.float64] | None,
-    chance: float = 0.0,
+    x: Floats, y: Floats, first: int, last: int, parts: int, errors: Floats | None, chance: float = 0.0
 ) -> float:
     """Return by how much the slopes of equal parts of a window differ, without so many variances by given errors.
 
@@ -305,15 +286,13 @@ def _drift(
     return sqrt(max((slopes[high] - slopes[low]) ** 2 - chance * noise, 0.0))
 
 
-def _given_variance(x: NDArray[np.float64], errors: NDArray[np.float64]) -> float:
+def _given_variance(x: Floats, errors: Floats) -> float:
     """Return the variance of a weighted slope that independent errors of the points explain."""
     weights = 1.0 / np.maximum(errors, 1e-150) ** 2
     return float(1.0 / (weights @ (x - (weights @ x) / weights.sum()) ** 2))
 
 
-def _least_squares(
-    x: NDArray[np.float64], y: NDArray[np.float64], sigma: NDArray[np.float64] | None
-) -> tuple[float, float, float]:
+def _least_squares(x: Floats, y: Floats, sigma: Floats | None) -> tuple[float, float, float]:
     """Return slope, intercept and standard error of the slope."""
     weights = np.ones(len(x)) if sigma is None else 1.0 / np.maximum(sigma, 1e-150) ** 2
     if sigma is not None and not (sigma > 0.0).all():

@@ -5,22 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Functions = Callable[..., NDArray[np.float64]]
+from .arrays import Floats
+
+Functions = Callable[..., Floats]
 """``functions(rows, values)`` returns values of some of the functions, given by their numbers, at one place each."""
 
 _ROUNDS = 80
 _GOLDEN = 0.5 * (3.0 - np.sqrt(5.0))
 
 
-def zeros(
-    function: Functions,
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    at_low: NDArray[np.float64],
-    at_high: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def zeros(function: Functions, low: Floats, high: Floats, at_low: Floats, at_high: Floats) -> Floats:
     """Find one zero in each bracket, to rounding, by inverse quadratic interpolation and bisection (Chandrupatla)."""
     a, b, c = high.copy(), low.copy(), high.copy()
     fa, fb, fc = at_high.copy(), at_low.copy(), at_high.copy()
@@ -52,11 +47,7 @@ def zeros(
     return root
 
 
-def extrema(
-    function: Functions,
-    sides: Sequence[NDArray[np.float64]],
-    height: Sequence[NDArray[np.float64]],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def extrema(function: Functions, sides: Sequence[Floats], height: Sequence[Floats]) -> tuple[Floats, Floats]:
     """Find the extrema towards zero between three points each, by golden sections; stop a search beyond zero."""
     low, best, high = (s.copy() for s in sides)
     sign = np.where(height[1] < 0.0, -1.0, 1.0)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from ..maps.coordinates import turns_of, wrap
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Cover
 
 
-def inside_cover(
-    cover: Cover, points: NDArray[np.float64], point_map: PointMap, keys: NDArray[np.int64] | None = None
-) -> NDArray[np.bool_]:
+def inside_cover(cover: Cover, points: Floats, point_map: PointMap, keys: Ints | None = None) -> Bools:
     """Tell which points lie in the boxes of a cover; its sorted keys may be given."""
     known = box_keys(cover.boxes, cover.corners) if keys is None else keys
     places = box_keys(boxes_of(points, cover.lower, cover.widths, point_map), cover.corners)
@@ -20,9 +18,7 @@ def inside_cover(
     return np.asarray(known[place] == places)
 
 
-def boxes_of(
-    points: NDArray[np.float64], lower: NDArray[np.float64], widths: NDArray[np.float64], point_map: PointMap
-) -> NDArray[np.int64]:
+def boxes_of(points: Floats, lower: Floats, widths: Floats, point_map: PointMap) -> Ints:
     """Return whole-number places of boxes; along an angle they wrap."""
     turn = turns_of(point_map.coordinates)[1]
     with np.errstate(invalid="ignore"):
@@ -31,23 +27,23 @@ def boxes_of(
     return wrapped_boxes(places, boxes_around(widths, turn))
 
 
-def boxes_around(widths: NDArray[np.float64], turn: NDArray[np.float64]) -> NDArray[np.int64]:
+def boxes_around(widths: Floats, turn: Floats) -> Ints:
     """Return how many boxes make the turn of each angle; 0 for other coordinates."""
     return np.where(turn > 0, np.maximum(np.round(turn / widths), 1.0), 0.0).astype(np.int64)
 
 
-def wrapped_boxes(places: NDArray[np.int64], around: NDArray[np.int64]) -> NDArray[np.int64]:
+def wrapped_boxes(places: Ints, around: Ints) -> Ints:
     """Wrap the indices of boxes along angles."""
     return np.where(around > 0, places % np.maximum(around, 1), places)
 
 
-def moved_boxes(boxes: NDArray[np.int64], steps: NDArray[np.int64], around: NDArray[np.int64]) -> NDArray[np.int64]:
+def moved_boxes(boxes: Ints, steps: Ints, around: Ints) -> Ints:
     """Return all boxes that lie some steps away from others, each once, sorted."""
     moved = (boxes[:, None, :] + steps).reshape(-1, boxes.shape[1])
     return np.unique(wrapped_boxes(moved, around), axis=0)
 
 
-def box_keys(boxes: NDArray[np.int64], reference: NDArray[np.int64]) -> NDArray[np.int64]:
+def box_keys(boxes: Ints, reference: Ints) -> Ints:
     """Number boxes row-major in the bounding box of the reference; -1 outside of it."""
     low, high = reference.min(axis=0), reference.max(axis=0)
     shape = high - low + 1
@@ -58,7 +54,7 @@ def box_keys(boxes: NDArray[np.int64], reference: NDArray[np.int64]) -> NDArray[
     return np.where(inside, keys, -1)
 
 
-def in_units(points: NDArray[np.float64], size: NDArray[np.float64], point_map: PointMap) -> NDArray[np.float64]:
+def in_units(points: Floats, size: Floats, point_map: PointMap) -> Floats:
     """Return points in units of lengths (dimension,), angles from their branch cuts, as trees of points need them."""
     lower, turn = turns_of(point_map.coordinates)
     highest = np.where(turn > 0, np.nextafter(turn / size, 0.0), np.inf)

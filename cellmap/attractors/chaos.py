@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
@@ -52,8 +53,8 @@ class Examination:
 
 def chaotic_attractors(
     point_map: PointMap,
-    states: NDArray[np.float64],
-    extent: NDArray[np.float64] | None = None,
+    states: Floats,
+    extent: Floats | None = None,
     known: Sequence[Attractor] = (),
     age: int = 0,
     late: Late | None = None,
@@ -64,8 +65,8 @@ def chaotic_attractors(
 
 def examine(
     point_map: PointMap,
-    states: NDArray[np.float64],
-    extent: NDArray[np.float64] | None = None,
+    states: Floats,
+    extent: Floats | None = None,
     known: Sequence[Attractor] = (),
     age: int = 0,
     late: Late | None = None,
@@ -148,15 +149,13 @@ def examine(
     return Examination(tuple(found), tuple(Reason(r) for r in reasons if r is not None))
 
 
-def _resolution(clouds: Clouds, members: NDArray[np.int64], cover: Cover) -> NDArray[np.float64]:
+def _resolution(clouds: Clouds, members: Ints, cover: Cover) -> Floats:
     """Return the distance below which sets are not distinguished; of joined ones it is the width of a box."""
     resolved = clouds.resolution(members)
     return resolved if len(np.unique(clouds.group[members])) == 1 else np.maximum(resolved, cover.widths)
 
 
-def _fading(
-    point_map: PointMap, clouds: Clouds, group: NDArray[np.int64], late: Late, known: Sequence[Attractor]
-) -> NDArray[np.int64]:
+def _fading(point_map: PointMap, clouds: Clouds, group: Ints, late: Late, known: Sequence[Attractor]) -> Ints:
     """Return the groups of samples on which orbits were that came to an attractor that is not chaotic later."""
     half = late.halfway(point_map, known)
     if not len(half):
@@ -169,9 +168,7 @@ def _fading(
     return np.unique(place[rows])
 
 
-def _tested(
-    point_map: PointMap, points: NDArray[np.float64], extent: NDArray[np.float64], periods: int
-) -> tuple[NDArray[np.float64], NDArray[Any]]:
+def _tested(point_map: PointMap, points: Floats, extent: Floats, periods: int) -> tuple[Floats, NDArray[Any]]:
     """Return the exponents of orbits (n, d), and what these say of each (n,): TRANSIENT where it is chaotic.
 
     Exponents of at most 0.01 that are not surely positive count as zero, as they are on a torus.
@@ -199,7 +196,7 @@ def _tested(
     return exponents, reasons
 
 
-def _returns(point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _returns(point_map: PointMap, states: Floats, extent: Floats) -> Bools:
     """Tell which orbits come back to within rounding of where they were."""
     orbit = Orbits.starting(states.copy())
     back = np.zeros(len(states), bool)
@@ -212,9 +209,7 @@ def _returns(point_map: PointMap, states: NDArray[np.float64], extent: NDArray[n
     return back
 
 
-def lyapunov_exponents(
-    point_map: PointMap, initial_conditions: NDArray[np.float64], periods: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def lyapunov_exponents(point_map: PointMap, initial_conditions: Floats, periods: int) -> tuple[Floats, Floats]:
     """Return the exponents per step (n, d) along orbits and the standard error (n,) of the largest; NaN where one ends.
 
     Their order is that of the axes of the frame that is carried along: the largest comes first unless an orbit sits
@@ -234,9 +229,7 @@ def lyapunov_exponents(
     return exponents, np.take_along_axis(errors, largest[:, None], axis=-1)[:, 0]
 
 
-def _lattice(
-    points: NDArray[np.float64], point_map: PointMap, extent: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _lattice(points: Floats, point_map: PointMap, extent: Floats) -> tuple[Floats, Floats]:
     """Boxes that cut the bounding box of the points, or the circle, into equal parts."""
     cut, turn = turns_of(point_map.coordinates)
     lower = np.where(turn > 0, cut, points.min(axis=0))
@@ -245,12 +238,8 @@ def _lattice(
 
 
 def _apart(
-    history: NDArray[np.float64],
-    groups: Sequence[NDArray[np.int64]],
-    lower: NDArray[np.float64],
-    widths: NDArray[np.float64],
-    point_map: PointMap,
-) -> tuple[list[NDArray[np.int64]], list[Cover]]:
+    history: Floats, groups: Sequence[Ints], lower: Floats, widths: Floats, point_map: PointMap
+) -> tuple[list[Ints], list[Cover]]:
     """Return groups of orbits with covers so fine that none stays for long in that of another group.
 
     Groups that no boxes keep apart are one.
@@ -275,7 +264,7 @@ def _apart(
                 groups.pop(k)
 
 
-def _longest_stay(history: NDArray[np.float64], cover: Cover, point_map: PointMap) -> int:
+def _longest_stay(history: Floats, cover: Cover, point_map: PointMap) -> int:
     """Return the largest number of steps in a row in which one of some orbits (steps, n, dimension) is in a cover."""
     inside = inside_cover(cover, history.reshape(-1, point_map.dimension), point_map).reshape(len(history), -1)
     stay = longest = np.zeros(inside.shape[1], np.int64)
@@ -285,9 +274,7 @@ def _longest_stay(history: NDArray[np.float64], cover: Cover, point_map: PointMa
     return int(longest.max())
 
 
-def _cover(
-    points: NDArray[np.float64], lower: NDArray[np.float64], widths: NDArray[np.float64], point_map: PointMap
-) -> Cover:
+def _cover(points: Floats, lower: Floats, widths: Floats, point_map: PointMap) -> Cover:
     """Boxes of the points and all their neighbours."""
     visited = np.unique(boxes_of(points, lower, widths, point_map), axis=0)
     shifts = np.array(list(itertools.product((-1, 0, 1), repeat=visited.shape[1])))

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.stopping import check_stop
 from ..maps.coordinates import turns_of
 from ..maps.orbit_batch import Orbits
@@ -34,12 +34,12 @@ class Clouds:
     """
 
     point_map: PointMap
-    samples: Sequence[NDArray[np.float64]]
-    size: NDArray[np.float64]
-    group: NDArray[np.int64] = field(init=False)
+    samples: Sequence[Floats]
+    size: Floats
+    group: Ints = field(init=False)
     _tree: Any = field(init=False)
-    _owners: NDArray[np.int64] = field(init=False)
-    _spacing: NDArray[np.float64] = field(init=False)
+    _owners: Ints = field(init=False)
+    _spacing: Floats = field(init=False)
 
     def __post_init__(self) -> None:
         from scipy.sparse.csgraph import connected_components
@@ -62,7 +62,7 @@ class Clouds:
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
-    def place_of(self, pieces: NDArray[np.float64], group: NDArray[np.int64]) -> NDArray[np.int64]:
+    def place_of(self, pieces: Floats, group: Ints) -> Ints:
         """Return the group of samples on which each of some pieces of orbits (..., steps, dimension) is, -1 for none.
 
         A point is on a sample if it is as near to one of its points as this is to its neighbours.
@@ -76,12 +76,12 @@ class Clouds:
         votes = np.array([(on.reshape(-1, steps) == g).sum(axis=1) for g in range(int(group.max()) + 1)])
         return np.where(votes.max(axis=0) >= _ON * steps, votes.argmax(axis=0), -1).reshape(shape)
 
-    def resolution(self, members: NDArray[np.int64]) -> NDArray[np.float64]:
+    def resolution(self, members: Ints) -> Floats:
         """Return the distance (dimension,) at which most points of some samples have neighbours."""
         return np.asarray(np.quantile(self._spacing[np.isin(self._owners, members)], _SHOWN) * self.size)
 
 
-def pieces_of(point_map: PointMap, begins: NDArray[np.float64]) -> NDArray[np.float64]:
+def pieces_of(point_map: PointMap, begins: Floats) -> Floats:
     """Return points (..., steps, dimension) of orbits after some places (..., dimension), NaN where they end."""
     check_stop()
     orbits = Orbits.starting(begins.reshape(-1, point_map.dimension).copy())
@@ -92,9 +92,7 @@ def pieces_of(point_map: PointMap, begins: NDArray[np.float64]) -> NDArray[np.fl
     return points.swapaxes(0, 1).reshape(*begins.shape[:-1], _PIECE, -1)
 
 
-def recurrent_groups(
-    clouds: Clouds, path: NDArray[np.float64], widths: NDArray[np.float64], transients: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def recurrent_groups(clouds: Clouds, path: Floats, widths: Floats, transients: Floats) -> tuple[Ints, Bools]:
     """Return the number of the set of each sample, and of which samples the orbits go elsewhere, or do not return.
 
     ``path`` (times, orbits, dimension) is where the orbits of the first samples were before, ``transients`` (number,
@@ -131,7 +129,7 @@ def recurrent_groups(
     return group, leaves[group]
 
 
-def _common_boxes(clouds: Clouds, group: NDArray[np.int64], widths: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _common_boxes(clouds: Clouds, group: Ints, widths: Floats) -> Bools:
     """Tell which groups of samples visit common boxes."""
     points = np.concatenate(clouds.samples)
     boxes = boxes_of(points, points.min(axis=0) - _ASIDE * widths, widths, clouds.point_map)

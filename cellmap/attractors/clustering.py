@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import finite_number, whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, state_points
@@ -37,8 +38,8 @@ class OrbitClusters:
     """
 
     labels: NDArray[np.int16]
-    features: NDArray[np.float64]
-    samples: tuple[NDArray[np.float64], ...]
+    features: Floats
+    samples: tuple[Floats, ...]
     coordinates: tuple[Coordinate, ...]
 
     def __repr__(self) -> str:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._compiled.kernels.capture import AT_REST
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
@@ -41,15 +41,15 @@ class Segment:
     """A curve, in points (n, dimension), closed or with two ends; ``size`` makes distances along axes comparable."""
 
     exact: PointMap
-    points: NDArray[np.float64]
-    size: NDArray[np.float64]
+    points: Floats
+    size: Floats
     closed: bool = False
 
-    def distances(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def distances(self, points: Floats) -> Floats:
         """Return the distance of points (n, dimension) to the segment, inf for points that are not finite."""
         return self.feet(points)[0]
 
-    def feet(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def feet(self, points: Floats) -> tuple[Floats, Floats]:
         """Return distances of points, and where along the segment, in points from its begin, they are nearest."""
         apart, where = np.full(len(points), np.inf), np.zeros(len(points))
         finite = np.flatnonzero(np.isfinite(points).all(axis=1))
@@ -63,7 +63,7 @@ class Segment:
             apart[finite[closer]], where[finite[closer]] = far[closer], (nearest + side * fraction)[closer]
         return apart, where
 
-    def surface(self, radii: NDArray[np.float64]) -> NDArray[np.float64]:
+    def surface(self, radii: Floats) -> Floats:
         """Return points (radii, along, directions, dimension) at distances from points of the segment."""
         d = self.exact.dimension
         free = np.random.default_rng(0).standard_normal((_DIRECTIONS, d))
@@ -71,17 +71,17 @@ class Segment:
         here = self.points[np.linspace(0, len(self.points) - 1, _ALONG).round().astype(int)]
         return np.asarray(here[:, None, :] + radii[:, None, None, None] * free * self.size)
 
-    def between(self, distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    def between(self, distances: Floats) -> Floats:
         """Return the largest of distances (radii, n)."""
         return np.asarray(distances.max(axis=1))
 
 
 def continua(
     point_map: PointMap,
-    closed: Sequence[tuple[NDArray[np.float64], int]],
-    extent: NDArray[np.float64],
+    closed: Sequence[tuple[Floats, int]],
+    extent: Floats,
     known: Sequence[Attractor] = (),
-    refused: list[NDArray[np.float64]] | None = None,
+    refused: list[Floats] | None = None,
 ) -> list[Attractor]:
     """Return the attracting segments of periodic points on which orbits have closed, without the known ones.
 
@@ -120,9 +120,7 @@ def continua(
     return found
 
 
-def _beside(
-    place: NDArray[np.float64], line: NDArray[np.float64], exact: PointMap, extent: NDArray[np.float64]
-) -> bool:
+def _beside(place: Floats, line: Floats, exact: PointMap, extent: Floats) -> bool:
     """Tell whether a place is on a line that is known by some of its points, or between two of them."""
     apart = np.linalg.norm(difference(line, place, exact.coordinates) / extent, axis=1)
     steps = np.linalg.norm(difference(line[1:], line[:-1], exact.coordinates) / extent, axis=1)
@@ -130,8 +128,8 @@ def _beside(
 
 
 def closed_orbits(
-    point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64], max_period: int, longest: int = 0
-) -> list[tuple[NDArray[np.float64], int]]:
+    point_map: PointMap, states: Floats, extent: Floats, max_period: int, longest: int = 0
+) -> list[tuple[Floats, int]]:
     """Return those of many states that orbits come back to, and after how many steps; of fewer up to a longest period.
 
     No more than 1024 states are looked at, and 256 where periods are longer.
@@ -155,9 +153,7 @@ def closed_orbits(
     return [(states[k], int(periods[k])) for k in np.flatnonzero(periods)]
 
 
-def _explored(
-    exact: PointMap, place: NDArray[np.float64], period: int, extent: NDArray[np.float64]
-) -> tuple[Attractor | None, NDArray[np.float64]]:
+def _explored(exact: PointMap, place: Floats, period: int, extent: Floats) -> tuple[Attractor | None, Floats]:
     """Return the attracting segment through a place, None for none, and the points of what was followed."""
     curve = traced(exact, place, period, extent)
     if curve is None:
@@ -215,7 +211,7 @@ def _cover(segment: Segment, period: int) -> Cover | None:
 
 
 def _between_ends(
-    segment: Segment, begin: NDArray[np.float64], orbits: Orbits, steps: int, radius: float, unit: float
+    segment: Segment, begin: Floats, orbits: Orbits, steps: int, radius: float, unit: float
 ) -> tuple[int, int] | None:
     """Return the first and last point of a segment between whose ends some more steps have halved all distances.
 
@@ -240,7 +236,7 @@ def _left_out(moved: float, radius: float) -> int:
     return int(np.ceil(4.0 * moved + 2.0 * radius))
 
 
-def _halving(segment: Segment, begin: NDArray[np.float64], radius: float, period: int) -> tuple[int, float]:
+def _halving(segment: Segment, begin: Floats, radius: float, period: int) -> tuple[int, float]:
     """Return in how many steps some points of a tube come to half of its radius, 0 if never; how far they move along.
 
     Both in points of the segment.
@@ -284,7 +280,7 @@ def _joined(covers: Sequence[Cover], segments: Sequence[Segment]) -> Cover:
     return Cover(first.lower, first.widths, both[order], certain[order])
 
 
-def _drawn(segment: Segment, cover: Cover, boxes: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _drawn(segment: Segment, cover: Cover, boxes: Ints) -> Bools:
     """Tell in which boxes centre and corners rest, or come closer to the segment."""
     exact, d = segment.exact, segment.exact.dimension
     drawn = np.ones(len(boxes), bool)

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import real_array, shown
 from .._lib.signatures import checked
 from .._lib.threads import run_over
@@ -25,7 +25,7 @@ _REACH = 0.1  # of the extent: an orbit that is found farther away is another on
 
 @checked
 def continue_attractors(
-    point_map: PointMap, attractors: Sequence[Attractor], extent: NDArray[np.float64] | None = None
+    point_map: PointMap, attractors: Sequence[Attractor], extent: Floats | None = None
 ) -> tuple[Attractor, ...]:
     """Return the periodic and quasi-periodic attractors of a map near those of one with slightly different parameters.
 
@@ -75,9 +75,7 @@ def continue_attractors(
     return tuple(sorted(found, key=sort_key))
 
 
-def orbits_followed(
-    point_map: PointMap, attractors: Sequence[Attractor], extent: NDArray[np.float64]
-) -> dict[int, Attractor]:
+def orbits_followed(point_map: PointMap, attractors: Sequence[Attractor], extent: Floats) -> dict[int, Attractor]:
     """Return the orbits to which Newton's method comes from periodic attractors, by the numbers of these.
 
     Their regions are those that the attractors had around their points, which nothing verifies for this map.
@@ -96,9 +94,7 @@ def orbits_followed(
     return found
 
 
-def with_regions(
-    point_map: PointMap, orbits: Mapping[int, Attractor], extent: NDArray[np.float64]
-) -> dict[int, Attractor]:
+def with_regions(point_map: PointMap, orbits: Mapping[int, Attractor], extent: Floats) -> dict[int, Attractor]:
     """Return those orbits that have a verified region, with it, by the numbers that they have."""
 
     def grow(k: int) -> None:
@@ -117,7 +113,7 @@ def with_regions(
 
 
 def circles_followed(
-    point_map: PointMap, attractors: Sequence[Attractor], extent: NDArray[np.float64], known: Sequence[Attractor]
+    point_map: PointMap, attractors: Sequence[Attractor], extent: Floats, known: Sequence[Attractor]
 ) -> dict[int, Attractor]:
     """Return the invariant curves near those of quasi-periodic attractors, by the numbers of these."""
     found: dict[int, Attractor] = {}

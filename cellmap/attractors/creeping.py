@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats
 from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, wrap
 from ..maps.orbit_batch import Orbits
@@ -31,12 +31,12 @@ class Creeping:
     ``ends`` (n, d): the places where they would come to rest, NaN for the others.
     """
 
-    found: NDArray[np.bool_]
-    moves: NDArray[np.float64]
-    ends: NDArray[np.float64]
+    found: Bools
+    moves: Floats
+    ends: Floats
 
 
-def creeping(point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64]) -> Creeping:
+def creeping(point_map: PointMap, states: Floats, extent: Floats) -> Creeping:
     """Tell which orbits creep from some states (n, d) on, in a region of some size (d,).
 
     An orbit creeps if it moves slowly, straight on and ever less, towards a place ahead that moves much less than it
@@ -69,7 +69,7 @@ def creeping(point_map: PointMap, states: NDArray[np.float64], extent: NDArray[n
     return Creeping(np.isfinite(ends).all(axis=1), move.max(axis=1), ends)
 
 
-def _moved(point_map: PointMap, states: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
+def _moved(point_map: PointMap, states: Floats, periods: int) -> Floats:
     """Return images of states, NaN where there is none."""
     check_stop()
     orbits = Orbits.starting(states.copy())

@@ -6,9 +6,9 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._compiled.kernels.capture import AT_REST
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
@@ -32,7 +32,7 @@ _FARTHEST = 2.0  # up to this many boxes
 
 
 def sticking_sets(
-    point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64], known: Sequence[Attractor] = ()
+    point_map: PointMap, states: Floats, extent: Floats, known: Sequence[Attractor] = ()
 ) -> list[Attractor]:
     """Return the attracting sticking sets (continua of equilibria) on which some orbits rest, without the known ones.
 
@@ -62,7 +62,7 @@ def sticking_sets(
     return found
 
 
-def _rests(exact: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _rests(exact: PointMap, states: Floats, extent: Floats) -> Bools:
     """Tell which states the map leaves in place."""
     images = _moved(exact, states, 1)
     with np.errstate(invalid="ignore"):
@@ -71,7 +71,7 @@ def _rests(exact: PointMap, states: NDArray[np.float64], extent: NDArray[np.floa
     return np.asarray(still & images.alive & ~images.rotations.any(axis=-1))
 
 
-def _moved(exact: PointMap, states: NDArray[np.float64], periods: int) -> Orbits:
+def _moved(exact: PointMap, states: Floats, periods: int) -> Orbits:
     """Return orbits that begin at some states, after some periods."""
     check_stop()
     orbits = Orbits.starting(wrap(states, exact.coordinates))
@@ -79,9 +79,7 @@ def _moved(exact: PointMap, states: NDArray[np.float64], periods: int) -> Orbits
     return orbits
 
 
-def _explored(
-    exact: PointMap, place: NDArray[np.float64], extent: NDArray[np.float64], region: NDArray[np.float64]
-) -> Attractor | None:
+def _explored(exact: PointMap, place: Floats, extent: Floats, region: Floats) -> Attractor | None:
     """Return the continuum of equilibria around one of them in a region (lower and upper corner).
 
     None where it is isolated or does not attract.
@@ -124,9 +122,7 @@ def _explored(
     return Attractor(Kind.EQUILIBRIA, 1, sample, (0,) * d, multipliers, exponents, exact.coordinates, cover=cover)
 
 
-def _reach(
-    exact: PointMap, place: NDArray[np.float64], unit: NDArray[np.float64], extent: NDArray[np.float64], reach: float
-) -> float:
+def _reach(exact: PointMap, place: Floats, unit: Floats, extent: Floats, reach: float) -> float:
     """Return how far the equilibria reach along an axis, the farther way, in units of the extent; at least `reach`."""
     for factor in (2.0, 1.05):
         while reach * factor <= 0.5:
@@ -138,14 +134,8 @@ def _reach(
 
 
 def _flooded(
-    exact: PointMap,
-    place: NDArray[np.float64],
-    widths: NDArray[np.float64],
-    around: NDArray[np.int64],
-    wide: NDArray[np.bool_],
-    extent: NDArray[np.float64],
-    region: NDArray[np.float64],
-) -> NDArray[np.int64]:
+    exact: PointMap, place: Floats, widths: Floats, around: Ints, wide: Bools, extent: Floats, region: Floats
+) -> Ints:
     """Return the boxes around equilibria that can be reached through one another, by their numbers from the first."""
     steps = np.concatenate([sign * np.eye(len(place), dtype=np.int64)[wide] for sign in (1, -1)])
     known = front = np.zeros((1, len(place)), np.int64)
@@ -159,9 +149,7 @@ def _flooded(
     return np.unique(known, axis=0)
 
 
-def _amid(
-    boxes: NDArray[np.int64], among: NDArray[np.int64], steps: NDArray[np.int64], around: NDArray[np.int64]
-) -> NDArray[np.bool_]:
+def _amid(boxes: Ints, among: Ints, steps: Ints, around: Ints) -> Bools:
     """Tell which boxes, and all their neighbours, are among others."""
     keys = {tuple(box) for box in among.tolist()}
     neighbours = wrapped_boxes(boxes[:, None, :] + steps, around)
@@ -169,14 +157,8 @@ def _amid(
 
 
 def _drawn(
-    exact: PointMap,
-    place: NDArray[np.float64],
-    boxes: NDArray[np.int64],
-    centres: NDArray[np.float64],
-    widths: NDArray[np.float64],
-    wide: NDArray[np.bool_],
-    extent: NDArray[np.float64],
-) -> NDArray[np.bool_]:
+    exact: PointMap, place: Floats, boxes: Ints, centres: Floats, widths: Floats, wide: Bools, extent: Floats
+) -> Bools:
     """Tell in which boxes all of some points rest, or come closer to the nearest of the centres, or to others ahead."""
     from scipy.spatial import KDTree
 
@@ -202,14 +184,7 @@ def _drawn(
     return np.asarray(drawn[shared.ravel()].reshape(len(boxes), -1).all(axis=1))
 
 
-def _ahead(
-    exact: PointMap,
-    begin: NDArray[np.float64],
-    images: NDArray[np.float64],
-    widths: NDArray[np.float64],
-    wide: NDArray[np.bool_],
-    extent: NDArray[np.float64],
-) -> NDArray[np.bool_]:
+def _ahead(exact: PointMap, begin: Floats, images: Floats, widths: Floats, wide: Bools, extent: Floats) -> Bools:
     """Tell which points move ever less, after some periods, towards equilibria that lie ahead within two boxes.
 
     Near the edge of a sticking set orbits move by about the square of their distance from it.
@@ -225,6 +200,6 @@ def _ahead(
     return found
 
 
-def _not_among(new: NDArray[np.int64], known: NDArray[np.int64]) -> NDArray[np.int64]:
+def _not_among(new: Ints, known: Ints) -> Ints:
     both, index, counts = np.unique(np.concatenate([new, known]), axis=0, return_index=True, return_counts=True)
     return np.asarray(both[(counts == 1) & (index < len(new))])

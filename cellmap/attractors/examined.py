@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from ..maps.coordinates import Coordinate, difference
 from ..maps.point_map import PointMap
 from ..orbits.newton import newton, resolution, return_distances
@@ -22,28 +22,26 @@ class Examined:
     """
 
     coordinates: tuple[Coordinate, ...]
-    extent: NDArray[np.float64]
-    points: NDArray[np.float64]
-    ends: dict[tuple[bytes, int], NDArray[np.float64] | None]
-    distances: dict[bytes, NDArray[np.float64]] = field(default_factory=dict)
-    lines: list[NDArray[np.float64]] = field(default_factory=list)
+    extent: Floats
+    points: Floats
+    ends: dict[tuple[bytes, int], Floats | None]
+    distances: dict[bytes, Floats] = field(default_factory=dict)
+    lines: list[Floats] = field(default_factory=list)
 
     @classmethod
-    def nothing_yet(cls, point_map: PointMap, extent: NDArray[np.float64]) -> Examined:
+    def nothing_yet(cls, point_map: PointMap, extent: Floats) -> Examined:
         """Begin a search in a region of some extent."""
         return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)), {})
 
-    def __contains__(self, point: NDArray[np.float64]) -> bool:
+    def __contains__(self, point: Floats) -> bool:
         apart = np.abs(difference(self.points, point, self.coordinates))
         return bool((apart <= 1e-8 * resolution(point, self.extent)).all(axis=-1).any())
 
-    def refuse(self, points: NDArray[np.float64]) -> None:
+    def refuse(self, points: Floats) -> None:
         """Remember the points of an orbit that is no attractor."""
         self.points = np.concatenate([self.points, points])
 
-    def refined(
-        self, point_map: PointMap, guesses: NDArray[np.float64], periods: NDArray[np.int64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def refined(self, point_map: PointMap, guesses: Floats, periods: Ints) -> tuple[Floats, Bools]:
         """Refine guesses by Newton's method, each once in a search; return solutions and which guesses led to one."""
         keys = [(guess.tobytes(), int(period)) for guess, period in zip(guesses, periods, strict=True)]
         new = [i for i, key in enumerate(keys) if key not in self.ends]
@@ -58,7 +56,7 @@ class Examined:
             np.array([solution is not None for solution in known]),
         )
 
-    def return_distances(self, point_map: PointMap, ends: NDArray[np.float64], max_period: int) -> NDArray[np.float64]:
+    def return_distances(self, point_map: PointMap, ends: Floats, max_period: int) -> Floats:
         """Return what :func:`return_distances` does; ends that were looked at just before are not followed again."""
         keys = [end.tobytes() for end in ends]
         new = [i for i, key in enumerate(keys) if len(self.distances.get(key, ())) != max_period]

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import of_the_user, shown, whole_array
 
 _FITTED = 2000  # distinct feature vectors to which an estimator is fitted
@@ -39,17 +39,17 @@ class FeatureGroups:
     ``labels`` (n,) are the groups of the vectors, -1 for those that are in none; ``count`` is the number of groups.
     """
 
-    labels: NDArray[np.int64]
+    labels: Ints
     count: int
     _tree: KDTree
-    _owners: NDArray[np.int64]
+    _owners: Ints
 
-    def nearest(self, values: NDArray[np.float64]) -> NDArray[np.int64]:
+    def nearest(self, values: Floats) -> Ints:
         """Return the groups of the fitted vectors that are nearest to some others."""
         return self._owners[self._tree.query(values)[1]]
 
 
-def grouped(values: NDArray[np.float64], clusterer: Any, resolution: float, min_size: int) -> FeatureGroups:
+def grouped(values: Floats, clusterer: Any, resolution: float, min_size: int) -> FeatureGroups:
     """Group feature vectors (n, features), n > 0, all finite.
 
     Vectors that a chain of others joins, each within `resolution` of the next, are alike and never in different groups.
@@ -84,16 +84,14 @@ def grouped(values: NDArray[np.float64], clusterer: Any, resolution: float, min_
     return FeatureGroups(number[labels], len(sizes), tree, number[owners])
 
 
-def _parts(tree: KDTree, reach: float) -> NDArray[np.int64]:
+def _parts(tree: KDTree, reach: float) -> Ints:
     """Return the number of the chain of near vectors to which each one belongs."""
     pairs = tree.query_pairs(reach, output_type="ndarray")
     joined = coo_array((np.ones(len(pairs), np.int8), tuple(pairs.T)), shape=(tree.n, tree.n))
     return np.asarray(connected_components(joined, directed=False)[1], np.int64)
 
 
-def _by_estimator(
-    values: NDArray[np.float64], cell: NDArray[np.int64], chosen: NDArray[np.int64], clusterer: Any, min_size: int
-) -> list[NDArray[np.int64]]:
+def _by_estimator(values: Floats, cell: Ints, chosen: Ints, clusterer: Any, min_size: int) -> list[Ints]:
     """Return for each chosen cell the groups into which an estimator puts its first vectors."""
     order = np.argsort(cell, kind="stable")
     ends = np.searchsorted(cell[order], chosen, "right")
@@ -115,9 +113,7 @@ def _by_estimator(
     return np.split(found, np.cumsum([len(some) for some in taken])[:-1])
 
 
-def _of_parts(
-    part: NDArray[np.int64], groups: list[NDArray[np.int64]], counts: NDArray[np.int64], min_size: int
-) -> NDArray[np.int64]:
+def _of_parts(part: Ints, groups: list[Ints], counts: Ints, min_size: int) -> Ints:
     """Return the group of each cell: that of most vectors alike, or a new one for many that are alike and in none."""
     owner = np.full(int(part.max()) + 1, -1)
     within = np.repeat(part, [len(some) for some in groups])
@@ -131,13 +127,7 @@ def _of_parts(
     return owner[part]
 
 
-def _without_outliers(
-    places: NDArray[np.float64],
-    owners: NDArray[np.int64],
-    counts: NDArray[np.int64],
-    resolution: float,
-    min_size: int,
-) -> NDArray[np.int64]:
+def _without_outliers(places: Floats, owners: Ints, counts: Ints, resolution: float, min_size: int) -> Ints:
     """Return groups, renumbered, without small parts that lie apart: estimators keep these with the nearest group."""
     kept = owners.copy()
     for group in np.unique(owners[owners >= 0]):
@@ -155,9 +145,7 @@ def _without_outliers(
     return kept
 
 
-def _of_neighbours(
-    tree: KDTree, owners: NDArray[np.int64], values: NDArray[np.float64], resolution: float
-) -> NDArray[np.int64]:
+def _of_neighbours(tree: KDTree, owners: Ints, values: Floats, resolution: float) -> Ints:
     """Return the groups of vectors that were not fitted: none for those farther off than neighbours in the group."""
     spacing = tree.query(tree.data, 2)[0][:, 1]
     reach = np.full(owners.max(initial=-1) + 2, resolution)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from ..maps.coordinates import difference
 from ..maps.point_map import PointMap
 from .examined import Examined
@@ -21,12 +21,8 @@ _RETURNED = 0.2  # if they bring it back to within this part of the extent
 
 
 def guesses_of(
-    point_map: PointMap,
-    states: NDArray[np.float64],
-    max_period: int,
-    extent: NDArray[np.float64],
-    examined: Examined,
-) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
+    point_map: PointMap, states: Floats, max_period: int, extent: Floats, examined: Examined
+) -> Iterator[tuple[Floats, Ints]]:
     """Yield guesses of periodic points with their periods: first period 1, then those of the closest returns.
 
     Guesses are ends that lie far apart, and ends whose orbits come back closest.
@@ -46,7 +42,7 @@ def guesses_of(
             yield ends[row], closest[rank, row]
 
 
-def _multiples(periods: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _multiples(periods: Ints) -> Bools:
     """Tell which periods in each column are multiples of one before them: an orbit near a cycle returns after both."""
     found = np.zeros(periods.shape, bool)
     for earlier in range(len(periods) - 1):
@@ -54,9 +50,7 @@ def _multiples(periods: NDArray[np.int64]) -> NDArray[np.bool_]:
     return found
 
 
-def _far_apart(
-    ends: NDArray[np.float64], rows: NDArray[np.int64], point_map: PointMap, extent: NDArray[np.float64]
-) -> list[int]:
+def _far_apart(ends: Floats, rows: Ints, point_map: PointMap, extent: Floats) -> list[int]:
     """Choose rows that lie far apart, each the farthest from those before it, beginning with the first."""
     chosen = [int(rows[0])]
     nearest = np.full(len(rows), np.inf)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Ints
 from ..maps.coordinates import difference, wrap
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Cover, Kind
@@ -20,9 +20,7 @@ _MOST_BOXES = 2**20  # into which those of another cover are cut
 _EDGE = 0.499  # of a box, from its centre to its corners
 
 
-def joined_continua(
-    point_map: PointMap, attractors: Sequence[Attractor]
-) -> tuple[tuple[Attractor, ...], NDArray[np.int64]]:
+def joined_continua(point_map: PointMap, attractors: Sequence[Attractor]) -> tuple[tuple[Attractor, ...], Ints]:
     """Join continua whose covers overlap; return all attractors, and the new number of each of the old ones.
 
     Two overlap if a point of one lies in the cover of the other.  The longest gives its kind and its boxes to all.

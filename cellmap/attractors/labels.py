@@ -5,8 +5,9 @@ from __future__ import annotations
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Ints
 from ..maps.orbit_batch import Status
 
 
@@ -38,6 +39,6 @@ for _name in ("ESCAPED", "DIVERGED", "NO_RETURN", "OUT_OF_STEPS"):
     LABELS_OF[Status[_name]] = Label[_name]
 
 
-def label_of(status: ArrayLike) -> NDArray[np.int64]:
+def label_of(status: ArrayLike) -> Ints:
     """Return the labels of orbits that have come to no attractor, by how each stands: a :class:`Status`."""
     return np.asarray(LABELS_OF[np.asarray(status)])

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from ..maps.coordinates import difference
 from ..orbits.attractor import Attractor
 
@@ -17,7 +17,7 @@ UNLIKE = 2.0
 _DIGITS = 9  # so that rounding does not decide between mirror images
 
 
-def attractor_distance(a: Attractor, b: Attractor, extent: NDArray[np.float64]) -> float:
+def attractor_distance(a: Attractor, b: Attractor, extent: Floats) -> float:
     """Return the distance of two attractors, in units of an extent (dimension,).
 
     It is the mean distance of the points of one to the nearest of the other, of both the larger: Hausdorff's distance
@@ -34,11 +34,7 @@ def attractor_distance(a: Attractor, b: Attractor, extent: NDArray[np.float64]) 
 
 
 def match_attractors(
-    found: Sequence[Attractor],
-    known: Mapping[int, Attractor],
-    extent: NDArray[np.float64],
-    threshold: float,
-    unlike: float = UNLIKE,
+    found: Sequence[Attractor], known: Mapping[int, Attractor], extent: Floats, threshold: float, unlike: float = UNLIKE
 ) -> dict[int, int]:
     """Match attractors with labelled ones so that the sum of their distances, in units of the extent, is least.
 
@@ -61,7 +57,7 @@ def persistent_labels(
     found: Sequence[Attractor],
     before: Mapping[int, Attractor],
     memory: Mapping[int, Attractor],
-    extent: NDArray[np.float64],
+    extent: Floats,
     threshold: float,
     taken: Collection[int] = (),
 ) -> list[int]:
@@ -85,7 +81,7 @@ def persistent_labels(
     return [labels[k] for k in range(len(found))]
 
 
-def _cost(a: Attractor, b: Attractor, extent: NDArray[np.float64], unlike: float) -> float:
+def _cost(a: Attractor, b: Attractor, extent: Floats, unlike: float) -> float:
     if not _are_unlike(a, b):
         return attractor_distance(a, b, extent)
     return attractor_distance(a, b, extent) * unlike if np.isfinite(unlike) else np.inf
@@ -99,11 +95,11 @@ def _are_unlike(a: Attractor, b: Attractor) -> bool:
     return bool(turning) or max(a.period, b.period) % min(a.period, b.period) != 0
 
 
-def _thinned(attractor: Attractor) -> NDArray[np.float64]:
+def _thinned(attractor: Attractor) -> Floats:
     return thinned(attractor.points, _MOST_POINTS)
 
 
-def thinned(points: NDArray[np.float64], most: int) -> NDArray[np.float64]:
+def thinned(points: Floats, most: int) -> Floats:
     """Return at most so many of the points (n, dimension), spread evenly over them."""
     if len(points) <= most:
         return points

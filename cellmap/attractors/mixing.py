@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats
 from .._lib.stopping import check_stop
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
@@ -19,9 +19,7 @@ _BOUNDARY = 4.0  # standard deviations by which the two ends of an orbit may cha
 _ROUNDING = 1e-12  # of an observable in units of its standard deviation at the start
 
 
-def unmixed(
-    point_map: PointMap, points: NDArray[np.float64], typical: NDArray[np.bool_], periods: int
-) -> NDArray[np.bool_]:
+def unmixed(point_map: PointMap, points: Floats, typical: Bools, periods: int) -> Bools:
     """Tell which of some orbits, all said to be on one attractor, go elsewhere than the others do, shape (n,).
 
     After `periods` the orbits are followed for four times as long.  Time averages of coordinates and of their squares
@@ -74,9 +72,7 @@ def unmixed(
     return found
 
 
-def _observed(
-    points: NDArray[np.float64], centre: NDArray[np.float64], width: NDArray[np.float64], turn: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _observed(points: Floats, centre: Floats, width: Floats, turn: Floats) -> Floats:
     """Return what is averaged along orbits, shape (n, 2 dimension)."""
     phase = 2.0 * np.pi * points / np.where(turn > 0.0, turn, 1.0)
     scaled = (points - centre) / width

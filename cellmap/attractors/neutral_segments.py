@@ -5,8 +5,8 @@ from __future__ import annotations
 from contextvars import copy_context
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.stopping import check_stop
 from .._lib.threads import results_of
 from ..maps.coordinates import difference, wrap
@@ -30,9 +30,7 @@ _SHORTEST = 0.5**20  # step, in extents of the region
 _END = 0.5**12  # of the length of a segment to which its ends are found
 
 
-def _periodic(
-    exact: PointMap, guess: NDArray[np.float64], period: int, extent: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def _periodic(exact: PointMap, guess: Floats, period: int, extent: Floats) -> tuple[Floats, Floats] | None:
     """Return the periodic point nearest to a guess, by Gauss and Newton's method, and its derivative; None if none."""
     point, before = guess, np.inf
     for attempt in range(8):
@@ -56,9 +54,7 @@ def _periodic(
     return None
 
 
-def traced(
-    exact: PointMap, place: NDArray[np.float64], period: int, extent: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], bool] | None:
+def traced(exact: PointMap, place: Floats, period: int, extent: Floats) -> tuple[Floats, Floats, bool] | None:
     """Return the periodic points beside one of them, in their order, its derivative, and whether they close a curve.
 
     None if it is alone.
@@ -68,7 +64,7 @@ def traced(
         return None
     ahead = np.linalg.svd(np.eye(len(place)) - first[1])[2][-1]
 
-    def work(sign: float) -> tuple[list[NDArray[np.float64]], bool]:
+    def work(sign: float) -> tuple[list[Floats], bool]:
         return contexts[sign].run(_half, exact, first[0], sign * ahead, period, extent)
 
     # The thread of each half looks for a request to stop where this one does.
@@ -79,12 +75,10 @@ def traced(
     return (points, first[1], closed) if len(points) > 8 else None
 
 
-def _half(
-    exact: PointMap, first: NDArray[np.float64], ahead: NDArray[np.float64], period: int, extent: NDArray[np.float64]
-) -> tuple[list[NDArray[np.float64]], bool]:
+def _half(exact: PointMap, first: Floats, ahead: Floats, period: int, extent: Floats) -> tuple[list[Floats], bool]:
     """Return the periodic points on one side of the first, in their order, and whether they come back to it."""
     direction, point, length = ahead, first, 1.0 / _STEPS
-    half: list[NDArray[np.float64]] = []
+    half: list[Floats] = []
     travelled, begun = 0.0, False
     while length >= max(_SHORTEST, travelled * _END) and len(half) < _MOST_POINTS:
         check_stop()
@@ -110,9 +104,7 @@ def _half(
     return half, False
 
 
-def densely(
-    points: NDArray[np.float64], exact: PointMap, extent: NDArray[np.float64], closed: bool = False
-) -> NDArray[np.float64]:
+def densely(points: Floats, exact: PointMap, extent: Floats, closed: bool = False) -> Floats:
     """Return many points along straight lines between some, at equal distances; of a closed curve without its end."""
     points = np.concatenate([points, points[: int(closed)]])
     steps = difference(points[1:], points[:-1], exact.coordinates)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._lib.arrays import Bools, Floats
 from .._lib.checks import of_the_user, real_array
 from .._lib.threads import slices
 from ..maps.coordinates import Coordinate, turns_of
@@ -20,9 +21,7 @@ _HELD = 2**28  # bytes of the orbits whose points are held at a time
 _SMALL = 1e-4  # of the range of a coordinate before the transient, within which settled orbits are not distinguished
 
 
-def settled(
-    point_map: PointMap, points: NDArray[np.float64], transient: int
-) -> tuple[Iterate, NDArray[np.float64], NDArray[np.float64]]:
+def settled(point_map: PointMap, points: Floats, transient: int) -> tuple[Iterate, Floats, Floats]:
     """Return orbits after a transient, and the bounds (dimension,) of those that live before it and one period later.
 
     One period is enough for coordinates to differ that are the same in all initial conditions.
@@ -38,7 +37,7 @@ def settled(
 
 def features_of(
     point_map: PointMap, settled: Iterate, periods: int, features: Features | None, windows: tuple[slice, ...]
-) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+) -> tuple[Floats, NDArray[np.uint8]]:
     """Return features of orbits (windows, n, features), NaN for terminated ones, and their status (n,).
 
     Orbits begin at ``settled.points`` (n, dimension).  Each window is a part of their periods, of whose images features
@@ -69,7 +68,7 @@ def _part(orbit: Iterate, window: slice) -> Iterate:
     return Iterate(orbit.points[window], orbit.rotations[window], orbit.status[window], orbit.coordinates)
 
 
-def _taken(orbit: Iterate, features: Features | None) -> NDArray[np.float64]:
+def _taken(orbit: Iterate, features: Features | None) -> Floats:
     n = orbit.points.shape[1]
     values = real_array("features", _means(orbit) if features is None else of_the_user("features", features, orbit))
     if values.ndim != 2 or len(values) != n or not values.shape[1]:
@@ -77,7 +76,7 @@ def _taken(orbit: Iterate, features: Features | None) -> NDArray[np.float64]:
     return values
 
 
-def _check_independence(orbit: Iterate, features: Features | None, values: NDArray[np.float64]) -> None:
+def _check_independence(orbit: Iterate, features: Features | None, values: Floats) -> None:
     """Compare the features of the first orbit with those that it has among others."""
     alone = _taken(
         Iterate(orbit.points[:, :1], orbit.rotations[:, :1], orbit.status[:, :1], orbit.coordinates), features
@@ -89,7 +88,7 @@ def _check_independence(orbit: Iterate, features: Features | None, values: NDArr
         )
 
 
-def _means(orbit: Iterate) -> NDArray[np.float64]:
+def _means(orbit: Iterate) -> Floats:
     """Return the features of orbits that are taken by default, two or three of each coordinate."""
     columns = []
     for j, turn in enumerate(turns_of(orbit.coordinates)[1]):
@@ -103,12 +102,7 @@ def _means(orbit: Iterate) -> NDArray[np.float64]:
     return np.stack(columns, axis=-1)
 
 
-def extents(
-    values: NDArray[np.float64],
-    alive: NDArray[np.bool_],
-    coordinates: tuple[Coordinate, ...],
-    ranges: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def extents(values: Floats, alive: Bools, coordinates: tuple[Coordinate, ...], ranges: Floats) -> Floats:
     """Return the units (features,) of the default features: for lengths the range of their coordinate.
 
     Where that is rounding beside the `ranges` (dimension,) before the transient, orbits have settled on the same value.

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.stopping import check_stop
 from ..maps.compiled_advance import recorded
 from ..maps.coordinates import difference
@@ -45,16 +45,11 @@ class Found:
     """Quasi-periodic attractors, and cycles that orbits turned out to be on or near: a point and a period of each."""
 
     attractors: list[Attractor]
-    cycles: list[tuple[NDArray[np.float64], int]]
+    cycles: list[tuple[Floats, int]]
 
 
 def quasiperiodic_attractors(
-    point_map: PointMap,
-    states: NDArray[np.float64],
-    extent: NDArray[np.float64],
-    age: int,
-    known: Sequence[Attractor] = (),
-    slow: bool = True,
+    point_map: PointMap, states: Floats, extent: Floats, age: int, known: Sequence[Attractor] = (), slow: bool = True
 ) -> Found:
     """Return the invariant circles to which orbits of some age come, verified to attract.
 
@@ -95,9 +90,7 @@ def quasiperiodic_attractors(
     return found
 
 
-def long_cycle(
-    point_map: PointMap, point: NDArray[np.float64], period: int, extent: NDArray[np.float64]
-) -> Attractor | None:
+def long_cycle(point_map: PointMap, point: Floats, period: int, extent: Floats) -> Attractor | None:
     """Return the periodic attractor beside a point after which an orbit all but closes."""
     solutions, settled = newton(point_map, point[None], np.array([period]), extent, attracting=True)
     return stable_orbit(point_map, solutions[0], period, extent) if settled[0] else None
@@ -119,9 +112,7 @@ def _may_attract(exact: PointMap, orbits: Orbits) -> bool:
     return bool(-2.0 * MOST_STEPS * rates.mean() >= -np.log(FIRST_FACTOR) * (exact.dimension - 1))
 
 
-def _on_curves(
-    exact: PointMap, state: NDArray[np.float64], extent: NDArray[np.float64], age: int, found: Found, slow: bool
-) -> Attractor | None:
+def _on_curves(exact: PointMap, state: Floats, extent: Floats, age: int, found: Found, slow: bool) -> Attractor | None:
     system = _autonomous(exact)
     sampled = exact
     if system is not None:
@@ -159,7 +150,7 @@ def _on_curves(
     )
 
 
-def _on_torus(exact: PointMap, state: NDArray[np.float64], extent: NDArray[np.float64]) -> Attractor | None:
+def _on_torus(exact: PointMap, state: Floats, extent: Floats) -> Attractor | None:
     """Return the torus of two frequencies to which an orbit has come, verified to attract."""
     exponents = np.sort(lyapunov_exponents(exact, state[None], _EXPONENT_PERIODS)[0][0])[::-1]
     if not (np.abs(exponents[:2]) <= _ZERO).all() or not exponents[2] < -_ZERO:
@@ -180,7 +171,7 @@ def _on_torus(exact: PointMap, state: NDArray[np.float64], extent: NDArray[np.fl
     )  # fmt: skip
 
 
-def _size(points: NDArray[np.float64], exact: PointMap, extent: NDArray[np.float64]) -> NDArray[np.float64]:
+def _size(points: Floats, exact: PointMap, extent: Floats) -> Floats:
     """Return lengths along each axis in which a tube around curves is about as wide in all directions."""
     d = exact.dimension
     span = np.max([curve_size(curve, exact.coordinates) for curve in points.reshape(len(points), -1, d)], axis=0)
@@ -231,7 +222,7 @@ def _cycle(system: ForcedSystem, exact: PointMap, sampled: PointMap, fitted: Fit
     return None
 
 
-def _outside(states: NDArray[np.float64], known: Sequence[Attractor], point_map: PointMap) -> NDArray[np.float64]:
+def _outside(states: Floats, known: Sequence[Attractor], point_map: PointMap) -> Floats:
     """Return the states that are in no box of a known attractor."""
     for other in known:
         if other.cover is not None and len(states):

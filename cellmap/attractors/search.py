@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import affordable_number, warn_caller, whole_number
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
@@ -116,10 +117,10 @@ class Searched:
     orbits: Orbits
     attractors: list[Attractor]
     age: int
-    labels: NDArray[np.int64]
-    times: NDArray[np.int64]
+    labels: Ints
+    times: Ints
 
-    def examined(self, point_map: PointMap, states: NDArray[np.float64], extent: NDArray[np.float64]) -> Examination:
+    def examined(self, point_map: PointMap, states: Floats, extent: Floats) -> Examination:
         """Look for chaotic attractors on which the orbits that are left move."""
         rows = Late.latest(np.where(regular(self.labels, self.attractors), self.times, -1))
         late = Late(wrap(states[rows], point_map.coordinates), self.times[rows])
@@ -128,11 +129,11 @@ class Searched:
 
 def search(
     point_map: PointMap,
-    states: NDArray[np.float64],
+    states: Floats,
     known: Sequence[Attractor],
     max_periods: int,
     max_period: int,
-    extent: NDArray[np.float64],
+    extent: Floats,
     examined: Examined,
     stop: Stop | None = None,
 ) -> Searched:
@@ -159,7 +160,7 @@ def search(
     return Searched(orbits, attractors, age, labels, times)
 
 
-def _nothing_found(labels: NDArray[np.int64], reasons: Sequence[Reason], max_periods: int) -> str:
+def _nothing_found(labels: Ints, reasons: Sequence[Reason], max_periods: int) -> str:
     """Tell why orbits came to no attractor: how they ended, and why those that did not are undecided."""
     ended = [f"{np.count_nonzero(labels == k)} {name}" for k, name in LABEL_NAMES.items() if (labels == k).any()]
     text = f"no attractor was found from {len(labels)} initial conditions: {', '.join(ended)}"
@@ -184,12 +185,12 @@ def sort_out(
     orbits: Orbits,
     attractors: list[Attractor],
     max_period: int,
-    extent: NDArray[np.float64],
+    extent: Floats,
     age: int,
     examined: Examined,
     patient: bool = False,
     last: bool = False,
-) -> tuple[Orbits, list[Attractor], NDArray[np.int64]]:
+) -> tuple[Orbits, list[Attractor], Ints]:
     """Find new attractors from orbits that are left, until a look finds none.
 
     Returns the rest, all attractors, and on which of them each orbit is.  A patient search ends as soon as it finds
@@ -232,7 +233,7 @@ def longest_period(max_period: int) -> int:
     return affordable_number("max_period", max_period, 2 * 8 * LOOKED_AT, at_least=1)
 
 
-def region_extent(point_map: PointMap, states: NDArray[np.float64]) -> NDArray[np.float64]:
+def region_extent(point_map: PointMap, states: Floats) -> Floats:
     """Return the typical size of each coordinate: period of an angle, window of a table, else span of the states."""
     turn = turns_of(point_map.coordinates)[1]
     table = point_map.table
@@ -243,12 +244,7 @@ def region_extent(point_map: PointMap, states: NDArray[np.float64]) -> NDArray[n
 
 
 def new_attractors(
-    point_map: PointMap,
-    states: NDArray[np.float64],
-    known: Sequence[Attractor],
-    max_period: int,
-    extent: NDArray[np.float64],
-    examined: Examined,
+    point_map: PointMap, states: Floats, known: Sequence[Attractor], max_period: int, extent: Floats, examined: Examined
 ) -> list[Attractor]:
     """Refine some end points of orbits; return the attractors not known yet, each with its trapping neighbourhood."""
     for guesses, periods in guesses_of(point_map, states, max_period, extent, examined):
@@ -280,16 +276,16 @@ def _belongs(orbit: Attractor, known: Sequence[Attractor], point_map: PointMap) 
     return _belongs_at(orbit.points, known, point_map)
 
 
-def _belongs_at(points: NDArray[np.float64], known: Sequence[Attractor], point_map: PointMap) -> bool:
+def _belongs_at(points: Floats, known: Sequence[Attractor], point_map: PointMap) -> bool:
     """Tell whether any of some points is in the trapping region of an attractor."""
     return bool((Catalogue.of(known, point_map).owners_of(np.atleast_2d(points)) >= 0).any())
 
 
 def curves_and_cycles(
     point_map: PointMap,
-    states: NDArray[np.float64],
+    states: Floats,
     known: Sequence[Attractor],
-    extent: NDArray[np.float64],
+    extent: Floats,
     examined: Examined,
     age: int,
     slow: bool,
@@ -301,9 +297,9 @@ def curves_and_cycles(
 
 def verified_cycles(
     point_map: PointMap,
-    closed: Sequence[tuple[NDArray[np.float64], int]],
+    closed: Sequence[tuple[Floats, int]],
     known: Sequence[Attractor],
-    extent: NDArray[np.float64],
+    extent: Floats,
     examined: Examined,
 ) -> list[Attractor]:
     """Return the periodic attractors on which orbits have closed, each given by a point and a period."""
@@ -324,7 +320,7 @@ def verified_cycles(
     return attractors
 
 
-def neighbourhood_of(point_map: PointMap, attractor: Attractor, extent: NDArray[np.float64]) -> Neighbourhood | None:
+def neighbourhood_of(point_map: PointMap, attractor: Attractor, extent: Floats) -> Neighbourhood | None:
     """Return the trapping region of a periodic attractor, None where there is none or the map does not follow it."""
     return trapping_neighbourhood(point_map, attractor, extent) if _carried(point_map, attractor) else None
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from .._compiled.kernels import labelling
 from .._compiled.kernels.capture import LOOKED_AT, Covers, Regions, ellipsoids_of
 from .._compiled.kernels.labelling import POOL, Limits, Outcome, Rows, Scratch
+from .._lib.arrays import Floats, Ints
 from .._lib.stopping import Stop
 from .._lib.threads import results_of, run_over, slices
 from ..maps.compiled_advance import UNKNOWN_STEP, CompiledAdvance
@@ -28,7 +29,7 @@ RESIDENCE = 64
 _PART = 128  # orbits of a thread at a time, where few are followed
 _UNSEEN = 64  # most periods at a time where nothing can capture an orbit
 
-Rule = Callable[[NDArray[np.float64]], NDArray[np.int64]]
+Rule = Callable[[Floats], Ints]
 """Tells of points (n, d) the number of the final state in which each is, -1 while it is in none."""
 
 
@@ -38,9 +39,9 @@ class Catalogue:
 
     attractors: tuple[Attractor, ...]
     regions: Regions
-    covers: tuple[tuple[int, Cover, NDArray[np.int64]], ...]
+    covers: tuple[tuple[int, Cover, Ints], ...]
     boxes: Covers
-    turn: NDArray[np.float64]
+    turn: Floats
 
     @classmethod
     def of(cls, attractors: Sequence[Attractor], point_map: PointMap) -> Catalogue:
@@ -64,7 +65,7 @@ class Catalogue:
             turn,
         )
 
-    def owners_of(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+    def owners_of(self, points: Floats) -> Ints:
         """Return the number of the attractor in whose neighbourhood each point is, -1 for none."""
         found, scratch = np.empty(len(points), np.int64), _scratch(points.shape[1])
         for part in slices(len(points), LOOKED_AT):
@@ -72,7 +73,7 @@ class Catalogue:
             ellipsoids_of(points, part.start, len(some), self.regions, self.turn, *scratch[:2], some)
         return found
 
-    def distances_of(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def distances_of(self, points: Floats) -> Floats:
         """Return the distance to the nearest attractor, in radii of its neighbourhood; inf where there is none."""
         if not len(self.regions.owners):
             return np.full(len(points), np.inf)
@@ -86,7 +87,7 @@ class Catalogue:
         return replace(self, regions=self.regions._replace(metrics=self.regions.metrics / factor**2))
 
 
-def _boxes(covers: Sequence[tuple[int, Cover, NDArray[np.int64]]], turn: NDArray[np.float64]) -> Covers:
+def _boxes(covers: Sequence[tuple[int, Cover, Ints]], turn: Floats) -> Covers:
     """Return covers one behind the other in arrays."""
     d = len(turn)
     corners = np.array([cover.corners for _, cover, _ in covers], np.int64).reshape(-1, 2, d)
@@ -120,18 +121,13 @@ class Settled:
     tally: Tally
 
     @property
-    def undecided(self) -> NDArray[np.int64]:
+    def undecided(self) -> Ints:
         """Rows of the undecided initial conditions."""
         return np.flatnonzero(self.labels == Label.UNDECIDED)
 
 
 def settle(
-    point_map: PointMap,
-    orbits: Orbits,
-    catalogue: Catalogue,
-    periods: int,
-    age: int = 0,
-    stop: Stop | None = None,
+    point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int = 0, stop: Stop | None = None
 ) -> Settled:
     """Iterate orbits that are `age` periods old until each is captured, has ended, or `periods` more have passed.
 
@@ -191,7 +187,7 @@ class Classified:
 def classify(
     point_map: PointMap,
     catalogue: Catalogue,
-    points: NDArray[np.float64],
+    points: Floats,
     periods: int,
     rule: Rule | None = None,
     size: int = CHUNK,
@@ -228,7 +224,7 @@ def _labelled(
     stride: int,
     rule: Rule | None = None,
     stop: Stop | None = None,
-) -> tuple[Settled, NDArray[np.int64], NDArray[np.float64]]:
+) -> tuple[Settled, Ints, Floats]:
     """Label orbits, looking at them after every `stride` periods; also return the last look before, and points there.
 
     What the compiled loop cannot call it asks for.
@@ -298,7 +294,7 @@ def _orbits(rows: Rows, count: int, like: Orbits) -> Orbits:
     return Orbits(rows.points[:count], rows.rotations[:count], rows.status[:count], like.work)
 
 
-def _tell(rule: Rule, outcome: Outcome, members: NDArray[np.int64], orbits: Orbits) -> None:
+def _tell(rule: Rule, outcome: Outcome, members: Ints, orbits: Orbits) -> None:
     """Write which orbits are in a final state by a rule, which sees those that have a point."""
     alive = np.flatnonzero(orbits.alive)
     outcome.told[members[alive]] = rule(orbits.points[alive])

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Complexes, Floats
 from .._lib.computed import computed_once
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.point_map import PointMap
@@ -25,22 +25,22 @@ class DenseTorus:
 
     exact: PointMap
     torus: InvariantTorus
-    size: NDArray[np.float64]
+    size: Floats
 
     @property
-    def points(self) -> NDArray[np.float64]:
+    def points(self) -> Floats:
         """Points (n, dimension)."""
         return self._patches[0]
 
     @computed_once
-    def _patches(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _patches(self) -> tuple[Floats, Floats, Floats]:
         """Points (n, d), first (n, d, 2) and second derivatives (n, d, 2, 2) by the phases, in steps of the grid."""
         coordinates, torus = self.exact.coordinates, self.torus
         turn = turns_of(coordinates)[1]
         waves = torus.waves(np.arange(_DENSE) / _DENSE)
         k = (np.arange(len(waves)) - len(waves) // 2) * (2j * np.pi / _DENSE)
 
-        def values(first: int, second: int) -> NDArray[np.complex128]:
+        def values(first: int, second: int) -> Complexes:
             weighted = torus.coefficients * (k**first)[:, None] * k**second
             found = np.einsum("dkl,kn,lm->nmd", weighted, waves, waves, optimize=True)
             return np.asarray(found.reshape(-1, len(coordinates)))
@@ -59,7 +59,7 @@ class DenseTorus:
             np.where(angle[..., None], curved.imag * scale[..., None], bends.real),
         )
 
-    def distances(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def distances(self, points: Floats) -> Floats:
         """Return the distance of points (n, dimension) to the torus, inf for points that are not finite."""
         found = np.full(len(points), np.inf)
         finite = np.flatnonzero(np.isfinite(points).all(axis=1))
@@ -77,7 +77,7 @@ class DenseTorus:
         found[finite] = np.linalg.norm(shift - foot, axis=1)
         return found
 
-    def surface(self, radii: NDArray[np.float64]) -> NDArray[np.float64]:
+    def surface(self, radii: Floats) -> Floats:
         """Return points (radii, along, along, directions, dimension) beside the torus, across it."""
         d = self.exact.dimension
         chosen = np.round(np.arange(_SEEN) * (_DENSE / _SEEN)).astype(int)
@@ -92,7 +92,7 @@ class DenseTorus:
         places = wrap((here[:, None, :] + shift).reshape(-1, d), self.exact.coordinates)
         return np.asarray(places.reshape(len(radii), _SEEN, _SEEN, -1, d))
 
-    def between(self, distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    def between(self, distances: Floats) -> Floats:
         """Return the largest of distances (radii, n), with half of what they change to the next in each phase."""
         values = distances.reshape(len(distances), _SEEN, _SEEN, -1)
         with np.errstate(invalid="ignore"):

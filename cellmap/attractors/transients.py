@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.stopping import check_stop
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
@@ -71,16 +72,16 @@ class UnsettledWarning(UserWarning):
 class Late:
     """Initial conditions (n, dimension) whose orbits came to attractors that are not chaotic, and in which periods."""
 
-    points: NDArray[np.float64]
-    times: NDArray[np.int64]
+    points: Floats
+    times: Ints
 
     @staticmethod
-    def latest(times: NDArray[Any]) -> NDArray[np.int64]:
+    def latest(times: NDArray[Any]) -> Ints:
         """Choose those that came last, by the periods of all; -1 where an orbit came to no such attractor."""
         rows = np.argsort(-times, kind="stable")[:_LATEST]
         return np.asarray(rows[times[rows] >= RESIDENCE])
 
-    def halfway(self, point_map: PointMap, attractors: Sequence[Attractor]) -> NDArray[np.float64]:
+    def halfway(self, point_map: PointMap, attractors: Sequence[Attractor]) -> Floats:
         """Return where the orbits were after half of the periods in which they came to their attractors."""
         if not len(self.points):
             return self.points
@@ -97,7 +98,7 @@ class Late:
         return places[np.isfinite(places).all(axis=1)]
 
 
-def regular(labels: NDArray[Any], attractors: Sequence[Attractor]) -> NDArray[np.bool_]:
+def regular(labels: NDArray[Any], attractors: Sequence[Attractor]) -> Bools:
     """Tell which labels are those of attractors that are not chaotic."""
     return np.isin(labels, [k for k, a in enumerate(attractors) if a.kind is not Kind.CHAOTIC])
 
@@ -112,19 +113,13 @@ class FollowedOn:
     """
 
     reasons: NDArray[Any]
-    lasting: NDArray[np.int64]
+    lasting: Ints
     orbits: Orbits
-    path: NDArray[np.float64]
-    transients: NDArray[np.float64]
+    path: Floats
+    transients: Floats
 
 
-def follow_on(
-    point_map: PointMap,
-    points: NDArray[np.float64],
-    chaotic: NDArray[np.bool_],
-    known: Sequence[Attractor],
-    age: int,
-) -> FollowedOn:
+def follow_on(point_map: PointMap, points: Floats, chaotic: Bools, known: Sequence[Attractor], age: int) -> FollowedOn:
     """Follow orbits that have lasted for some periods, for five times as long, to see where they end.
 
     Those that stay among the boxes of a known chaotic attractor from the beginning are on it.  If any chaotic one
@@ -134,7 +129,7 @@ def follow_on(
     strange = np.array([k for k, a in enumerate(known) if a.kind is Kind.CHAOTIC], np.int64)
     periods = max(_ENDURANCE * age, _RECOGNISED if len(strange) else 0)
     owners, times = np.full(len(points), Label.UNDECIDED), np.full(len(points), -1)
-    lasting, orbits, path = np.arange(len(points)), Orbits.starting(points.copy()), list[NDArray[np.float64]]()
+    lasting, orbits, path = np.arange(len(points)), Orbits.starting(points.copy()), list[Floats]()
     for begin in range(0, periods, _STRETCH):
         check_stop()
         path.append(np.full(points.shape, np.nan))

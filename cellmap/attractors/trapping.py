@@ -5,8 +5,8 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Complexes, Floats
 from .._lib.threads import slices
 from ..maps.coordinates import turns_of
 from ..maps.point_map import PointMap
@@ -33,9 +33,7 @@ _NARROWEST = 1e-6  # smallest region in which ellipsoids are sought, relative to
 _FARTHEST = 1e4  # largest half-width of an ellipsoid, relative to 1 + abs(point)
 
 
-def trapping_neighbourhood(
-    point_map: PointMap, attractor: Attractor, extent: NDArray[np.float64]
-) -> Neighbourhood | None:
+def trapping_neighbourhood(point_map: PointMap, attractor: Attractor, extent: Floats) -> Neighbourhood | None:
     """Return ellipsoids around a periodic attractor in which every orbit is verified to approach it.
 
     The linear map contracts in the metric by a known factor c < 1.  From a small ellipsoid on which the exact map is
@@ -109,12 +107,12 @@ class _Shells:
     def __init__(
         self,
         exact: PointMap,
-        centre: NDArray[np.float64],
+        centre: Floats,
         period: int,
-        matrix: NDArray[np.float64],
-        metric: NDArray[np.float64],
+        matrix: Floats,
+        metric: Floats,
         contraction: float,
-        limit: NDArray[np.float64],
+        limit: Floats,
     ) -> None:
         self.exact, self.centre, self.period, self.matrix = exact, centre, period, matrix
         # In units of the limits all coordinates are of one size.
@@ -136,7 +134,7 @@ class _Shells:
         self.seen: dict[float, tuple[float, float]] = {}
         self.worst = self.linear
 
-    def length(self, vector: NDArray[np.complex128]) -> float:
+    def length(self, vector: Complexes) -> float:
         """Return the length of a vector in the metric."""
         return float(np.sqrt(np.real(vector.conj() @ self.metric @ vector)))
 
@@ -213,7 +211,7 @@ class _Shells:
         self.radius = float(radii[np.argmax(inside)]) if inside.any() else 0.0
         return self.radius > 0.0
 
-    def _factors(self, radii: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _factors(self, radii: Floats) -> tuple[Floats, Floats]:
         """Bound the factor by which distances change in one period of the attractor; also return nonlinear remainders.
 
         The smaller of two bounds for each surface: the factors observed, and the linear part plus the observed
@@ -227,37 +225,35 @@ class _Shells:
             bound = np.minimum(_between(seen).max(axis=1), self.linear + _between(rest).max(axis=1))
         return np.where(np.isnan(bound), np.inf, bound), rest.max(axis=1)
 
-    def _displaced(
-        self, radii: NDArray[np.float64], periods: int, end: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def _displaced(self, radii: Floats, periods: int, end: Floats) -> tuple[Floats, Bools]:
         """Return displacements (n, k, d) from a point of the images of surfaces, and which images there are."""
         centres, ends = (np.tile(point, (len(radii), 1)) for point in (self.centre, end))
         return displaced(self.exact, centres, radii[:, None, None] * self.offsets, np.full(len(radii), periods), ends)
 
-    def norm(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    def norm(self, vectors: Floats) -> Floats:
         """Return the lengths of vectors in the metric."""
         return np.asarray(np.sqrt(np.maximum(np.einsum("sni,ij,snj->sn", vectors, self.metric, vectors), 0.0)))
 
 
-def _between(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _between(values: Floats) -> Floats:
     """Add to values on a circle of directions half of what they change to the next; others are dense enough."""
     if values.shape[1] != _DIRECTIONS:
         return values
     return np.asarray(values + 0.5 * np.abs(values - np.roll(values, 1, axis=1)))
 
 
-def _metrics(matrix: NDArray[np.float64], contraction: float) -> list[NDArray[np.float64]]:
+def _metrics(matrix: Floats, contraction: float) -> list[Floats]:
     """Return metrics in which a matrix contracts: one for any matrix, and one of eigenvectors where these make one."""
     (metric,), (good,) = eigenvector_metrics(matrix[None])
     return [summed_metric(matrix, contraction), *([metric] if good else [])]
 
 
-def _product(steps: NDArray[np.float64]) -> NDArray[np.float64]:
+def _product(steps: Floats) -> Floats:
     """Return the derivative of the composition of steps from those of each."""
     return functools.reduce(np.matmul, steps[::-1])
 
 
-def _slowest(steps: NDArray[np.float64]) -> list[NDArray[np.complex128]]:
+def _slowest(steps: Floats) -> list[Complexes]:
     """Return the vector of slowest approach at each point of an attractor, carried along by the derivative."""
     values, vectors = np.linalg.eig(_product(steps))
     carried = [vectors[:, np.argmax(np.abs(values))].astype(complex)]

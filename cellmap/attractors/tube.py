@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any, Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats, Ints
 from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import CHUNK, Orbits
@@ -45,20 +45,20 @@ class Attracting(Protocol):
         """The map under which the set is invariant."""
 
     @property
-    def points(self) -> NDArray[np.float64]:
+    def points(self) -> Floats:
         """Points of the set."""
 
     @property
-    def size(self) -> NDArray[np.float64]:
+    def size(self) -> Floats:
         """Lengths along each axis."""
 
-    def distances(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def distances(self, points: Floats) -> Floats:
         """Return the distance of points (n, dimension) to the set, inf for points that are not finite."""
 
-    def surface(self, radii: NDArray[np.float64]) -> NDArray[np.float64]:
+    def surface(self, radii: Floats) -> Floats:
         """Return points (radii, ..., dimension) beside the set, across it."""
 
-    def between(self, distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    def between(self, distances: Floats) -> Floats:
         """Return the largest of distances (radii, ...) of these points, and of those between them."""
 
 
@@ -67,10 +67,10 @@ class Curves:
     """Closed curves: points (curves, n, dimension) in their order; ``size`` makes distances along axes comparable."""
 
     exact: PointMap
-    points: NDArray[np.float64]
-    size: NDArray[np.float64]
+    points: Floats
+    size: Floats
 
-    def distances(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def distances(self, points: Floats) -> Floats:
         """Return the distance of points (n, dimension) to the nearest curve, inf for points that are not finite."""
         found = np.full(len(points), np.inf)
         finite = np.flatnonzero(np.isfinite(points).all(axis=1))
@@ -81,14 +81,14 @@ class Curves:
             found[finite] = np.minimum(found[finite], feet_on_edges(self, points[finite], here, there)[0])
         return found
 
-    def between(self, distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    def between(self, distances: Floats) -> Floats:
         """Return the largest of distances (surfaces, n), with half of what they change to the next along a curve."""
         values = distances.reshape(len(distances), len(self.points), _SEEN, -1)
         with np.errstate(invalid="ignore"):
             beside = values + 0.5 * np.abs(values - np.roll(values, 1, axis=2))
         return np.asarray(np.where(np.isnan(beside), np.inf, beside).reshape(len(distances), -1).max(axis=1))
 
-    def surface(self, radii: NDArray[np.float64]) -> NDArray[np.float64]:
+    def surface(self, radii: Floats) -> Floats:
         """Return points (radii, curves, along, directions, dimension) beside the curves, across them."""
         d, number = self.exact.dimension, self.points.shape[1]
         chosen = np.arange(_SEEN) * (number // _SEEN)
@@ -117,7 +117,7 @@ class Tube:
     contraction: float
 
 
-def verified_tube(curves: Attracting, extent: NDArray[np.float64], narrowest: float) -> Tube | None:
+def verified_tube(curves: Attracting, extent: Floats, narrowest: float) -> Tube | None:
     """Return the widest tube around attracting curves on whose inner surfaces all points are seen to come closer.
 
     After a fixed number of steps the distance to the curves has fallen by a tenth or more, everywhere on surfaces from
@@ -171,9 +171,7 @@ def cover_of_tube(curves: Attracting, tube: Tube) -> Cover | None:
     return Cover(corner, widths, boxes, np.ones(len(boxes), bool))
 
 
-def feet_on_edges(
-    curves: Attracting, points: NDArray[np.float64], here: NDArray[np.float64], there: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def feet_on_edges(curves: Attracting, points: Floats, here: Floats, there: Floats) -> tuple[Floats, Floats]:
     """Return distances of points to straight edges, a row each, and at which fraction of its edge each is nearest."""
     along = difference(there, here, curves.exact.coordinates) / curves.size
     shift = difference(points, here, curves.exact.coordinates) / curves.size
@@ -182,7 +180,7 @@ def feet_on_edges(
     return np.linalg.norm(shift - fraction[:, None] * along, axis=1), fraction
 
 
-def nearest_places(curves: Attracting, points: NDArray[np.float64]) -> NDArray[np.int64]:
+def nearest_places(curves: Attracting, points: Floats) -> Ints:
     """Return the number of the point of the set that is nearest to each of some finite points (n, dimension)."""
     return np.asarray(_tree(cast(Hashable, curves)).query(in_units(points, curves.size, curves.exact))[1], np.int64)
 
@@ -210,7 +208,7 @@ def _steps_needed(curves: Attracting, radius: float) -> tuple[int, float]:
     return 0, np.inf
 
 
-def _factors(curves: Attracting, radii: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+def _factors(curves: Attracting, radii: Floats, steps: int) -> Floats:
     """Return for each surface the largest factor by which some steps change the distance to the curves."""
     orbits = Orbits.starting(curves.surface(radii).reshape(-1, curves.exact.dimension))
     for begin in range(0, len(orbits), CHUNK):

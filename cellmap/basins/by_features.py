@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import claim_memory, finite_number, one_of, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import slices
@@ -50,11 +51,11 @@ class FeatureBasins:
     """
 
     labels: NDArray[np.int16]
-    features: NDArray[np.float64]
-    representatives: tuple[NDArray[np.float64], ...]
+    features: Floats
+    representatives: tuple[Floats, ...]
     doubts: Mapping[str, int]
     grid: CellGrid | None
-    initial_conditions: NDArray[np.float64] | None
+    initial_conditions: Floats | None
     name: str
     params: Mapping[str, float]
     coordinates: tuple[Coordinate, ...]
@@ -162,7 +163,7 @@ def classify_by_features(
         values /= extents(values[0], finite, point_map.coordinates, ranges)
     labels = np.where(terminated, label_of(status), Label.DOUBTFUL).astype(np.int16)
     doubts = {NOT_FINITE: int(np.count_nonzero(~finite & ~terminated))}
-    representatives: tuple[NDArray[np.float64], ...] = ()
+    representatives: tuple[Floats, ...] = ()
     if finite.any():
         rows = np.flatnonzero(finite)
         groups = grouped(values[0, rows], clusterer, resolution, min_size)
@@ -203,11 +204,11 @@ def classify_by_features(
 
 def _features(
     point_map: PointMap, places: InitialConditions, transient: int, periods: int, features: Features | None
-) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.float64]]:
+) -> tuple[Floats, NDArray[np.uint8], Floats]:
     """Return features (3, n, features) over all periods and over their halves, the status (n,), and ranges (d,)."""
     half = periods // 2
     windows = slice(None), slice(0, half + 1), slice(half, None)
-    parts: list[tuple[NDArray[np.float64], NDArray[np.uint8]]] = []
+    parts: list[tuple[Floats, NDArray[np.uint8]]] = []
     low, high = np.full(point_map.dimension, np.inf), np.full(point_map.dimension, -np.inf)
     for part in slices(len(places), BLOCK):
         images, least, most = settled(point_map, places.wrapped(part, point_map), transient)
@@ -222,7 +223,7 @@ def _features(
     return np.concatenate(whole, axis=1), np.concatenate([status for _, status in parts]), high - low
 
 
-def _middle(values: NDArray[np.float64], groups: FeatureGroups) -> NDArray[np.int64]:
+def _middle(values: Floats, groups: FeatureGroups) -> Ints:
     """Return the vector of each group that is nearest to their median."""
     found = []
     for k in range(groups.count):

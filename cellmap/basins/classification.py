@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import real_array, shown, whole_number
 from ..attractors.labels import LABEL_NAMES
 from ..attractors.search import check_attractors
@@ -47,11 +48,11 @@ class Labeller:
     def __repr__(self) -> str:
         return f"Labeller({self.point_map.name}, {len(self.attractors)} attractors, {self.max_periods} periods)"
 
-    def __call__(self, points: NDArray[np.float64]) -> NDArray[np.int16]:
+    def __call__(self, points: Floats) -> NDArray[np.int16]:
         """Return the labels of points (n, dimension); angles need not be wrapped."""
         return self.settle(points).labels
 
-    def settle(self, points: NDArray[np.float64]) -> Classified:
+    def settle(self, points: Floats) -> Classified:
         """Return the labels and the settling times of points (n, dimension)."""
         return classify(self.point_map, self.catalogue, points, self.max_periods, self.rule)
 
@@ -112,9 +113,7 @@ def own_label(basins: Basins, label: int, argument: str = "label") -> int:
     return number
 
 
-def scale_of(
-    given: ArrayLike | None, coordinates: Sequence[Coordinate], span: NDArray[np.float64] | None
-) -> NDArray[np.float64]:
+def scale_of(given: ArrayLike | None, coordinates: Sequence[Coordinate], span: Floats | None) -> Floats:
     """Return the unit of length along each coordinate: given, or the span of a window."""
     if given is None:
         if span is None:
@@ -131,7 +130,7 @@ def scale_of(
     return scale
 
 
-def places_of(basins: Basins) -> NDArray[np.float64]:
+def places_of(basins: Basins) -> Floats:
     """Return all initial conditions of basins, shape (n, dimension), in the order of their raveled labels."""
     if basins.grid is not None:
         return basins.grid.centres().reshape(-1, basins.grid.dimension)
@@ -139,6 +138,6 @@ def places_of(basins: Basins) -> NDArray[np.float64]:
     return basins.initial_conditions.reshape(-1, basins.initial_conditions.shape[-1])
 
 
-def span_of(basins: Basins) -> NDArray[np.float64] | None:
+def span_of(basins: Basins) -> Floats | None:
     """Return the size of the window of basins, None without a grid."""
     return None if basins.grid is None else np.array(basins.grid.upper) - np.array(basins.grid.lower)

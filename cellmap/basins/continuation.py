@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Floats
 from .._lib.checks import claim_memory, finite_number, known_parameter, monotone_values, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar
@@ -181,8 +182,8 @@ class _Done:
         self,
         point_map: PointMap,
         name: str,
-        axis: NDArray[np.float64],
-        initial_conditions: CellGrid | NDArray[np.float64],
+        axis: Floats,
+        initial_conditions: CellGrid | Floats,
         settings: Mapping[str, Any],
         seconds: float,
     ) -> BasinContinuation:
@@ -207,11 +208,7 @@ class _Done:
 
 
 def _step(
-    point_map: PointMap,
-    initial_conditions: CellGrid | NDArray[np.float64],
-    settings: Mapping[str, Any],
-    done: _Done,
-    extent: NDArray[np.float64],
+    point_map: PointMap, initial_conditions: CellGrid | Floats, settings: Mapping[str, Any], done: _Done, extent: Floats
 ) -> tuple[dict[int, Attractor], dict[int, int], Basins]:
     """Return the attractors by label, the counts, and the basins at one value."""
     limits = settings["max_periods"], settings["max_period"]
@@ -230,7 +227,7 @@ def _step(
     return {labels[k]: _light(a) for k, a in enumerate(found)}, counts, basins
 
 
-def _seeds(memory: Mapping[int, Attractor], extent: NDArray[np.float64]) -> NDArray[np.float64]:
+def _seeds(memory: Mapping[int, Attractor], extent: Floats) -> Floats:
     """Return points on and beside attractors as they were seen last."""
     rng = np.random.default_rng(0)
     on = np.concatenate([thinned(a.points, _SEEDS) for a in memory.values()])
@@ -245,13 +242,13 @@ def _light(attractor: Attractor) -> Attractor:
     return replace(attractor, points=thinned(attractor.points, _KEPT), cover=None)
 
 
-def _corners(initial_conditions: CellGrid | NDArray[np.float64]) -> NDArray[np.float64]:
+def _corners(initial_conditions: CellGrid | Floats) -> Floats:
     if isinstance(initial_conditions, CellGrid):
         return np.array([initial_conditions.lower, initial_conditions.upper])
     return initial_conditions.reshape(-1, initial_conditions.shape[-1])
 
 
-def _outermost(initial_conditions: CellGrid | NDArray[np.float64]) -> NDArray[np.float64]:
+def _outermost(initial_conditions: CellGrid | Floats) -> Floats:
     """Return some initial conditions of the same extent as all: from points the search takes the size of its region."""
     if isinstance(initial_conditions, CellGrid):
         return initial_conditions.places(
@@ -265,8 +262,8 @@ def _resumed(
     resume: BasinContinuation,
     point_map: PointMap,
     name: str,
-    axis: NDArray[np.float64],
-    initial_conditions: CellGrid | NDArray[np.float64],
+    axis: Floats,
+    initial_conditions: CellGrid | Floats,
     settings: Mapping[str, Any],
 ) -> _Done:
     """Take up a former result, after a look at whether it fits."""

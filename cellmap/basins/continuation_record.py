@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import one_of
 from .._lib.conversions import ConvertsToXarray
 from .._lib.signatures import checked
@@ -68,12 +68,12 @@ class BasinContinuation(ConvertsToXarray):
 
     system: str
     parameter: str
-    values: NDArray[np.float64]
+    values: Floats
     labels: tuple[int, ...]
-    counts: NDArray[np.int64]
+    counts: Ints
     attractors: tuple[Mapping[int, Attractor], ...]
-    inaccurate: NDArray[np.int64]
-    initial_conditions: CellGrid | NDArray[np.float64]
+    inaccurate: Ints
+    initial_conditions: CellGrid | Floats
     coordinates: tuple[Coordinate, ...]
     params: Mapping[str, float]
     settings: Mapping[str, Any]
@@ -86,12 +86,12 @@ class BasinContinuation(ConvertsToXarray):
         return f"BasinContinuation({self.system}, {self.parameter}{span}: {found})"
 
     @property
-    def fractions(self) -> NDArray[np.float64]:
+    def fractions(self) -> Floats:
         """Fractions of the initial conditions with each label, shape (n, m)."""
         return self.counts / self.total
 
     @property
-    def standard_errors(self) -> NDArray[np.float64]:
+    def standard_errors(self) -> Floats:
         """Standard errors of the fractions, shape (n, m), for random initial conditions; upper bounds for a grid.
 
         The initial conditions are the same at each value, so that differences between values are more accurate.
@@ -104,7 +104,7 @@ class BasinContinuation(ConvertsToXarray):
         return count_initial_conditions(self.initial_conditions)
 
     @property
-    def present(self) -> NDArray[np.bool_]:
+    def present(self) -> Bools:
         """Whether each attractor exists at each value, shape (n, m); for negative labels, whether they occur."""
         there = np.array([[k in found for k in self.labels] for found in self.attractors], bool)
         return there.reshape(self.counts.shape) | (self.counts > 0)
@@ -118,7 +118,7 @@ class BasinContinuation(ConvertsToXarray):
         return distinct_names([_first(self.attractors, k) for k in self.labels if k >= 0])[label]
 
 
-def count_initial_conditions(initial_conditions: CellGrid | NDArray[np.float64]) -> int:
+def count_initial_conditions(initial_conditions: CellGrid | Floats) -> int:
     """Return how many initial conditions a grid or an array has."""
     return (
         initial_conditions.size

@@ -7,8 +7,8 @@ from dataclasses import replace
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import warn_caller
 from ..attractors.creeping import creeping
 from ..attractors.labels import LABEL_NAMES, Label
@@ -124,7 +124,7 @@ def _drift(basins: Basins) -> str:
     return f", {what}; they come round on it once in about {near.round:.1g} periods"
 
 
-def _undecided(basins: Basins, point_map: PointMap) -> tuple[Orbits, NDArray[np.float64]]:
+def _undecided(basins: Basins, point_map: PointMap) -> tuple[Orbits, Floats]:
     """Return where some of the undecided orbits end, and the size of the region."""
     undecided = np.flatnonzero(basins.labels.ravel() == Label.UNDECIDED)
     places = InitialConditions(basins.grid, basins.initial_conditions)
@@ -134,13 +134,13 @@ def _undecided(basins: Basins, point_map: PointMap) -> tuple[Orbits, NDArray[np.
     return orbits, region_extent(point_map, region)
 
 
-def _beside(place: NDArray[np.float64], attractors: Sequence[Attractor], extent: NDArray[np.float64]) -> int:
+def _beside(place: Floats, attractors: Sequence[Attractor], extent: Floats) -> int:
     """Return the number of the attractor that a place is beside, -1 for none."""
     apart = [np.abs(difference(a.points, place, a.coordinates) / extent).max(axis=1).min() for a in attractors]
     return int(np.argmin(apart)) if apart and min(apart) <= _NEAR else -1
 
 
-def _spread(number: int, most: int) -> NDArray[np.int64]:
+def _spread(number: int, most: int) -> Ints:
     """Return at most so many of the numbers of rows, evenly spread."""
     return np.unique(np.linspace(0, number - 1, most).round().astype(np.int64))
 
@@ -207,7 +207,7 @@ def _remedy(basins: Basins, label: Label) -> tuple[bool, str]:
     )
 
 
-def _region(basins: Basins) -> NDArray[np.float64]:
+def _region(basins: Basins) -> Floats:
     """Return points that show how large the region of the initial conditions is."""
     if basins.grid is not None:
         return np.array([basins.grid.lower, basins.grid.upper])
@@ -215,19 +215,19 @@ def _region(basins: Basins) -> NDArray[np.float64]:
     return places.points(_spread(len(places), _SAMPLE))
 
 
-def _some(basins: Basins, label: Label) -> NDArray[np.float64]:
+def _some(basins: Basins, label: Label) -> Floats:
     """Return a few of the initial conditions with a label."""
     rows = np.flatnonzero(basins.labels.ravel() == label)
     return InitialConditions(basins.grid, basins.initial_conditions).points(rows[_spread(len(rows), _TRIED)])
 
 
-def _attracted(point_map: PointMap, points: NDArray[np.float64], periods: int) -> int:
+def _attracted(point_map: PointMap, points: Floats, periods: int) -> int:
     """Return how many of some orbits come to an attractor within some periods."""
     found = Catalogue.of(find_attractors(point_map, points, periods), point_map)
     return int(np.count_nonzero(settle(point_map, Orbits.starting(points.copy()), found, periods).labels >= 0))
 
 
-def _growing(basins: Basins, point_map: PointMap, points: NDArray[np.float64]) -> str:
+def _growing(basins: Basins, point_map: PointMap, points: Floats) -> str:
     """Say which coordinates grow without end along some orbits, "" where most of the orbits do not.
 
     The largest values in spans of time, each twice as long as the one before, grow from one to the next, also those of
@@ -240,7 +240,7 @@ def _growing(basins: Basins, point_map: PointMap, points: NDArray[np.float64]) -
     peaks = np.full((_EVER + 1, *points.shape), np.inf)
     peaks[-1] = np.abs(points) / scale
 
-    def largest(periods: int) -> NDArray[np.float64]:
+    def largest(periods: int) -> Floats:
         peak = np.zeros_like(points)
         for _ in range(periods):
             point_map.advance(orbits, 1)
@@ -268,7 +268,7 @@ def _growing(basins: Basins, point_map: PointMap, points: NDArray[np.float64]) -
     )
 
 
-def _ends(point_map: PointMap, points: NDArray[np.float64]) -> Orbits:
+def _ends(point_map: PointMap, points: Floats) -> Orbits:
     """Follow some orbits for a few periods."""
     orbits = Orbits.starting(points.copy())
     point_map.advance(orbits, _PERIODS)

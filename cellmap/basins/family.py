@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.stopping import Stop
 from ..attractors.continued import circles_followed, orbits_followed, with_regions
 from ..attractors.matching import persistent_labels, thinned
@@ -63,7 +63,7 @@ class Family:
     largest distance of attractors that are the same.
     """
 
-    def __init__(self, base: PointMap, limits: tuple[int, int], extent: NDArray[np.float64], threshold: float) -> None:
+    def __init__(self, base: PointMap, limits: tuple[int, int], extent: Floats, threshold: float) -> None:
         self._base, self._limits, self._extent, self._threshold = base, limits, extent, threshold
         self._making, self._guard = threading.Lock(), threading.RLock()
         self._known: OrderedDict[Any, Member] = OrderedDict()

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import whole_number
 from ..attractors.settling import Catalogue
 from ..maps.grid import CellGrid
@@ -19,7 +19,7 @@ from .classification import Labeller, labeller
 from .finding import find_basins
 from .record import Basins
 
-Outcome = Callable[[NDArray[np.float64]], Any]
+Outcome = Callable[[Floats], Any]
 """Tells of each point (n, d) the number of the final state in which it is, -1 while it is in none."""
 
 _COARSE = 4096  # cells from which attractors are sought
@@ -92,7 +92,7 @@ def _coarse(region: CellGrid) -> CellGrid:
     return CellGrid(region.lower, region.upper, tuple(side if n > 1 else 1 for n in region.shape))
 
 
-def _numbers(outcome: Outcome, points: NDArray[np.float64]) -> NDArray[np.int64]:
+def _numbers(outcome: Outcome, points: Floats) -> Ints:
     numbers = np.asarray(outcome(points))
     if numbers.shape != (len(points),) or numbers.dtype.kind not in "iu":
         raise ValueError(

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.computed import computed_once
 from .._lib.threads import slices
 from ..maps.coordinates import state_points, wrap
@@ -26,7 +27,7 @@ class InitialConditions:
     """Initial conditions of a basin image: the centres of a grid, or given points."""
 
     grid: CellGrid | None
-    given: NDArray[np.float64] | None
+    given: Floats | None
 
     @classmethod
     def of(cls, initial_conditions: CellGrid | ArrayLike, point_map: PointMap) -> InitialConditions:
@@ -50,11 +51,11 @@ class InitialConditions:
         return int(np.prod(self.shape, dtype=object))
 
     @computed_once
-    def _axes(self) -> list[NDArray[np.float64]]:
+    def _axes(self) -> list[Floats]:
         assert self.grid is not None
         return [self.grid.axis(j) for j in range(self.grid.dimension)]
 
-    def points(self, rows: slice | NDArray[np.int64]) -> NDArray[np.float64]:
+    def points(self, rows: slice | Ints) -> Floats:
         """Return some initial conditions as a new array, shape (n, dimension)."""
         if self.grid is not None:
             if sum(self.grid.shape) <= BLOCK:
@@ -66,7 +67,7 @@ class InitialConditions:
         assert self.given is not None
         return self.given.reshape(-1, self.given.shape[-1])[rows].copy()
 
-    def wrapped(self, rows: slice | NDArray[np.int64], point_map: PointMap) -> NDArray[np.float64]:
+    def wrapped(self, rows: slice | Ints, point_map: PointMap) -> Floats:
         """Return some initial conditions with wrapped angles."""
         return wrap(self.points(rows), point_map.coordinates)
 
@@ -94,13 +95,13 @@ class Rows:
     bits: NDArray[np.uint8] | None = None
 
     @classmethod
-    def where(cls, total: int, wanted: Callable[[slice], NDArray[np.bool_]]) -> Rows:
+    def where(cls, total: int, wanted: Callable[[slice], Bools]) -> Rows:
         """Choose those for which ``wanted(part)`` is true, asked for a part at a time."""
         bits = [np.packbits(wanted(part)) for part in slices(total, BLOCK)]
         return cls(total, np.concatenate([np.empty(0, np.uint8), *bits]))
 
     @computed_once
-    def _before(self) -> NDArray[np.int64]:
+    def _before(self) -> Ints:
         """Rows before each block, and of all."""
         assert self.bits is not None
         each = [int(np.bitwise_count(self.bits[part]).sum()) for part in slices(len(self.bits), BLOCK // 8)]
@@ -109,7 +110,7 @@ class Rows:
     def __len__(self) -> int:
         return self.total if self.bits is None else int(self._before[-1])
 
-    def __getitem__(self, part: slice) -> NDArray[np.int64]:
+    def __getitem__(self, part: slice) -> Ints:
         begin, end, _ = part.indices(len(self))
         if self.bits is None:
             return np.arange(begin, end)
@@ -122,13 +123,13 @@ class Rows:
             found.append(self._of_block(block)[max(begin - before, 0) : end - before])
         return np.concatenate(found)
 
-    def inside(self, part: slice) -> NDArray[np.bool_]:
+    def inside(self, part: slice) -> Bools:
         """Return which initial conditions of a block are among the rows."""
         if self.bits is None:
             return np.ones(part.stop - part.start, bool)
         return np.unpackbits(self.bits[part.start // 8 : -(-part.stop // 8)], count=part.stop - part.start).view(bool)
 
-    def spread(self, count: int) -> Iterator[NDArray[np.int64]]:
+    def spread(self, count: int) -> Iterator[Ints]:
         """Yield about `count` rows at even distances, in parts; all, if they are no more."""
         total = len(self)
         chosen = np.arange(total) if total <= count else np.unique(np.linspace(0, total - 1, count).round().astype(int))
@@ -138,7 +139,7 @@ class Rows:
             if len(mine):
                 yield mine if self.bits is None else self._of_block(block)[mine - begin]
 
-    def _of_block(self, block: int) -> NDArray[np.int64]:
+    def _of_block(self, block: int) -> Ints:
         assert self.bits is not None
         begin = block * BLOCK
         packed = self.bits[begin // 8 : begin // 8 + BLOCK // 8]

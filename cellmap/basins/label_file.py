@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.arrays import Ints
 from .._lib.checkpoint import TILE, Arrays, Checkpoint, check_belongs, damaged, made, resumed
 from .._lib.sealed import array_of, get_number, get_numbers, group_of, within
 from .._lib.threads import slices
@@ -97,7 +98,7 @@ class OnDisk(LabelStore):
                 self.release()
         return open_
 
-    def put(self, number: int, rows: slice | NDArray[np.int64], settled: Settled) -> None:
+    def put(self, number: int, rows: slice | Ints, settled: Settled) -> None:
         """Keep what became of a tile: first its contents, then that it is done."""
         assert self._file is not None
         self.labels[rows], self.times[rows] = settled.labels, settled.times

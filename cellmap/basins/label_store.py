@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Ints
 from .._lib.threads import slices
 from ..attractors.examined import Examined
 from ..attractors.labels import LABEL_NAMES, Label
@@ -24,7 +25,7 @@ class LabelStore(ABC):
 
     labels: NDArray[np.int16]
     times: NDArray[np.int32]
-    tallies: NDArray[np.int64]
+    tallies: Ints
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         self.shape, self.total = shape, int(np.prod(shape, dtype=object))
@@ -46,7 +47,7 @@ class LabelStore(ABC):
         """Return the tiles of a sweep that are to do."""
 
     @abstractmethod
-    def put(self, number: int, rows: slice | NDArray[np.int64], settled: Settled) -> None:
+    def put(self, number: int, rows: slice | Ints, settled: Settled) -> None:
         """Keep what became of a tile."""
 
     @abstractmethod
@@ -70,16 +71,16 @@ class LabelStore(ABC):
         kept.labels[kept.labels == Label.UNDECIDED] = Label.UNLABELLED
         return kept
 
-    def where(self, wanted: Callable[[NDArray[np.int16]], NDArray[np.bool_]]) -> Rows:
+    def where(self, wanted: Callable[[NDArray[np.int16]], Bools]) -> Rows:
         """Return the initial conditions with labels of some kind."""
 
-        def of(part: slice) -> NDArray[np.bool_]:
+        def of(part: slice) -> Bools:
             self.release()
             return wanted(self.labels[part])
 
         return Rows.where(self.total, of)
 
-    def used(self, number: int) -> NDArray[np.int64]:
+    def used(self, number: int) -> Ints:
         """Return which of the attractors have an initial condition."""
         return np.flatnonzero(label_counts(self.labels, number, self.release)[-min(LABEL_NAMES) :])
 
@@ -113,7 +114,7 @@ class InMemory(LabelStore):
         self.labels[self.labels == Label.UNDECIDED] = Label.UNLABELLED
         return self
 
-    def put(self, number: int, rows: slice | NDArray[np.int64], settled: Settled) -> None:
+    def put(self, number: int, rows: slice | Ints, settled: Settled) -> None:
         """Keep what became of a tile."""
         self.labels[rows], self.times[rows] = settled.labels, settled.times
         self.tallies[number] = settled.tally

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 
-import numpy as np
-from numpy.typing import NDArray
-
+from .._lib.arrays import Ints
 from .._lib.computed import computed_once
 from .._lib.stopping import Stop
 from ..attractors.settling import Catalogue, Settled, settle
@@ -21,7 +19,7 @@ from .initial_conditions import InitialConditions
 class Batch:
     """Initial conditions of a tile, by their indices, and the present states of their orbits where these are kept."""
 
-    rows: slice | NDArray[np.int64]
+    rows: slice | Ints
     states: Orbits | None = None
 
 
@@ -47,7 +45,7 @@ class Labelling:
         states = self._states(batch.rows) if batch.states is None else Orbits.joined([batch.states])
         return self._settled(states, self.restart_times[-1] if self.restart_times else 0, self.time_limit)
 
-    def _states(self, rows: slice | NDArray[np.int64]) -> Orbits:
+    def _states(self, rows: slice | Ints) -> Orbits:
         orbits = Orbits.starting(self.initial_conditions.wrapped(rows, self.point_map))
         for begin, end in pairwise((0, *self.restart_times)):
             orbits = self._settled(orbits, begin, end).orbits

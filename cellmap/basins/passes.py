@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import warn_caller
 from .._lib.stopping import Stop, Stopped, heeding
 from .._lib.threads import slices
@@ -183,7 +184,7 @@ class Run:
         yield from self._label(now, None, ends)
 
     def _search(
-        self, chosen: NDArray[np.float64], known: list[Attractor], to_the_end: bool, examined: Examined
+        self, chosen: Floats, known: list[Attractor], to_the_end: bool, examined: Examined
     ) -> tuple[Attractor, ...]:
         """Find attractors from a sample; where that is complete, slow orbits are left to labelling."""
         own = region_extent(self.point_map, chosen)
@@ -204,7 +205,7 @@ class Run:
         Tiles are labelled together, or those before each of the ``ends`` before the others.
         """
         left: dict[int, Orbits] = {}
-        rows: dict[int, NDArray[np.int64]] = {}
+        rows: dict[int, Ints] = {}
         count = 0
 
         def batch(number: int) -> Batch:
@@ -267,7 +268,7 @@ class Run:
         examination = examine(self.point_map, rest.points, extent, attractors, age, late)
         return (*attractors, *examination.attractors), examination.reasons
 
-    def _late(self, now: Progress, rows: NDArray[np.int64]) -> Late:
+    def _late(self, now: Progress, rows: Ints) -> Late:
         """Return the initial conditions that came last to attractors that are not chaotic; rows are those come now."""
         settled = self.store.where(lambda labels: regular(labels, now.attractors))
         rows = np.concatenate([rows, *settled.spread(_LOOKED_AT)])
@@ -297,7 +298,7 @@ def _tile_size(total: int, point_map: PointMap) -> int:
     return min(max(least, total // _TILES), most)
 
 
-def new_numbers(used: Sequence[int], joined: NDArray[np.int64]) -> NDArray[np.int16]:
+def new_numbers(used: Sequence[int], joined: Ints) -> NDArray[np.int16]:
     """Return the new label of each old one, from the lowest label on, where only some attractors are kept, in order.
 
     ``joined`` are the numbers, before those are chosen, of attractors some of which have been found in pieces.

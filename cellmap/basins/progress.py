@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Ints
 from .._lib.computed import computed_once
 from .._lib.threads import slices
 from ..attractors.examined import Examined
@@ -47,7 +47,7 @@ class Progress:
         ends = np.cumsum([0, *map(len, self.tiles)]).tolist()
         return [slice(begin, end) for begin, end in pairwise(ends)]
 
-    def rows_of(self, number: int) -> slice | NDArray[np.int64]:
+    def rows_of(self, number: int) -> slice | Ints:
         """Return the initial conditions of a tile."""
         if self.tiles is not None:
             return self.tiles[number].rows

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._compiled.kernels.counting import count_labels
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import affordable_number, one_of
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray, ShownAsHtml
 from .._lib.randomness import Rng
@@ -91,7 +92,7 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
     attractors: tuple[Attractor, ...]
     settling_time: NDArray[np.int32]
     grid: CellGrid | None
-    initial_conditions: NDArray[np.float64] | None
+    initial_conditions: Floats | None
     name: str
     params: Mapping[str, float]
     coordinates: tuple[Coordinate, ...]
@@ -164,9 +165,7 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
         )
 
 
-def label_counts(
-    labels: NDArray[np.int16], n_attractors: int, release: Callable[[], None] = lambda: None
-) -> NDArray[np.int64]:
+def label_counts(labels: NDArray[np.int16], n_attractors: int, release: Callable[[], None] = lambda: None) -> Ints:
     """Count each label (n,), from the lowest :class:`Label` to the last attractor, a block at a time.
 
     ``release`` is called after each block, to give memory back whose contents are kept in a file.

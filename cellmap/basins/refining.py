@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import claim_memory, finite_number, finite_points, whole_number
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
@@ -251,7 +252,7 @@ def refinement(
     return Refinement(run, _Frames(run, tuple(attractors), settings, often).made())
 
 
-def _place(near: NDArray[np.float64], places: InitialConditions, point_map: PointMap) -> tuple[int, ...]:
+def _place(near: Floats, places: InitialConditions, point_map: PointMap) -> tuple[int, ...]:
     """Return the place in the image that is nearest to a point."""
     rows = slice(0, len(places))
     if places.grid is not None:

@@ -8,8 +8,8 @@ from itertools import product
 from math import prod
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Ints
 from .._lib.computed import computed_once
 
 _IN_A_TILE = 4096  # places, about: few enough that one is soon done, enough that what surrounds it does not count
@@ -34,11 +34,11 @@ class StridedTile:
     first: bool
 
     @property
-    def _axes(self) -> list[NDArray[np.int64]]:
+    def _axes(self) -> list[Ints]:
         return [np.arange(low, high, self.stride) for low, high in self.corners]
 
     @property
-    def rows(self) -> NDArray[np.int64]:
+    def rows(self) -> Ints:
         """Flat numbers of the places, in rising order."""
         flat, coarser = np.zeros((), np.int64), np.ones((), bool)
         for axis, n in zip(self._axes, self.shape, strict=True):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats
 from .._lib.binomial import binomial_interval
 from .._lib.randomness import Rng, random_numbers
 from .._lib.threads import run_over, slices
@@ -140,11 +141,11 @@ def verified(
 def _separate(
     exact: PointMap,
     attractors: Sequence[Attractor],
-    points: NDArray[np.float64],
+    points: Floats,
     given: NDArray[np.int16],
     found: NDArray[np.int16],
     periods: int,
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Tell which orbits do not go where others go that have their label, by no rule of the search, shape (n,).
 
     Some of each label are followed; all of them, if any of these is elsewhere.
@@ -177,7 +178,7 @@ def _renamed(found: NDArray[np.int16], given: NDArray[np.int16]) -> NDArray[np.i
     return np.where(found >= 0, numbers[np.maximum(found, 0)], found).astype(np.int16)
 
 
-def _closest(exact: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int) -> NDArray[np.float64]:
+def _closest(exact: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int) -> Floats:
     """Return how close orbits come to attractors within some periods, in radii of their neighbourhoods."""
     moving = Orbits.starting(orbits.points.copy())
     closest = catalogue.distances_of(moving.points)

@@ -6,8 +6,9 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import claim_memory, known_parameter, monotone_values, shown, whole_number
 from .._lib.files import as_path
 from .._lib.signatures import checked
@@ -131,7 +132,7 @@ def attractor_atlas(
     label = f"atlas of {exact.name}" if progress else None
     numbers = range(-(-len(values) // tile))
 
-    def part(number: int) -> NDArray[np.float64]:
+    def part(number: int) -> Floats:
         return values[number * tile : (number + 1) * tile]
 
     if checkpoint is None:
@@ -184,7 +185,7 @@ def attractor_atlas(
     )
 
 
-def _families(found: Attractors, family: NDArray[np.int64]) -> tuple[AttractorFamily, ...]:
+def _families(found: Attractors, family: Ints) -> tuple[AttractorFamily, ...]:
     one = np.unique(family, return_index=True)[1]
     size = np.bincount(family, minlength=len(one))
     return tuple(
@@ -195,7 +196,7 @@ def _families(found: Attractors, family: NDArray[np.int64]) -> tuple[AttractorFa
     )
 
 
-def _extent(swept: PointMap, states: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _extent(swept: PointMap, states: Floats, values: Floats) -> Floats:
     """Return the typical size of each coordinate: the period of an angle, or the span of states and of some images."""
     d = states.shape[1]
     some, few = values[:: -(-len(values) // _PILOTS)], states[:: -(-len(states) // _PILOTS)]
@@ -209,7 +210,7 @@ def _extent(swept: PointMap, states: NDArray[np.float64], values: NDArray[np.flo
     return np.where(turn > 0.0, turn, size)
 
 
-def _axis(label: str, given: tuple[str, ArrayLike], exact: PointMap) -> tuple[str, NDArray[np.float64]]:
+def _axis(label: str, given: tuple[str, ArrayLike], exact: PointMap) -> tuple[str, Floats]:
     try:
         name, values = given
     except (TypeError, ValueError):

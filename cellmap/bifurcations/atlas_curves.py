@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.threads import progress_bar
 from ..maps.coordinates import difference
 from ..maps.point_map import PointMap, follow
@@ -33,14 +33,14 @@ class Borders:
     (n,) the sign of the change; ``middle`` (n, 2) the point between, in units of the grid.
     """
 
-    row: NDArray[np.int64]
-    family: NDArray[np.int64]
-    axis: NDArray[np.int64]
-    side: NDArray[np.int64]
-    middle: NDArray[np.float64]
+    row: Ints
+    family: Ints
+    axis: Ints
+    side: Ints
+    middle: Floats
 
 
-def borders_of(attractors: Attractors, family: NDArray[np.int64], shape: tuple[int, int]) -> Borders:
+def borders_of(attractors: Attractors, family: Ints, shape: tuple[int, int]) -> Borders:
     """Return the borders of families of periodic orbits within the grid."""
     ny, nx = shape
     periodic = attractors.period > 0
@@ -62,12 +62,12 @@ def borders_of(attractors: Attractors, family: NDArray[np.int64], shape: tuple[i
 def curves_at(
     exact: PointMap,
     names: tuple[str, str],
-    axes: tuple[NDArray[np.float64], NDArray[np.float64]],
+    axes: tuple[Floats, Floats],
     attractors: Attractors,
     borders: Borders,
     most: int,
     progress: str | None,
-) -> tuple[tuple[BifurcationCurve, ...], NDArray[np.bool_]]:
+) -> tuple[tuple[BifurcationCurve, ...], Bools]:
     """Return bifurcation curves through borders, the longest border first, and which borders (n,) lie on them."""
     explained = np.zeros(len(borders.row), bool)
     tried = np.zeros(len(borders.row), bool)
@@ -96,7 +96,7 @@ def curves_at(
 def _curve(
     exact: PointMap,
     names: tuple[str, str],
-    axes: tuple[NDArray[np.float64], NDArray[np.float64]],
+    axes: tuple[Floats, Floats],
     attractors: Attractors,
     borders: Borders,
     border: int,
@@ -173,12 +173,7 @@ def _of_parent(branch: Branch, at: Bifurcation) -> tuple[Branch, Bifurcation]:
     return (branch, at) if nearest is None else (parent, nearest)
 
 
-def _beside(
-    curve: BifurcationCurve,
-    names: tuple[str, str],
-    axes: tuple[NDArray[np.float64], NDArray[np.float64]],
-    middle: NDArray[np.float64],
-) -> NDArray[np.bool_]:
+def _beside(curve: BifurcationCurve, names: tuple[str, str], axes: tuple[Floats, Floats], middle: Floats) -> Bools:
     """Return which points (n, 2), in units of the grid, are close to a curve."""
     from scipy.spatial import cKDTree
 

@@ -8,6 +8,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.arrays import Floats, Ints
+
 _APART = 0.3  # distance of means over orbits, in extents or radians, within which neighbours continue each other
 
 
@@ -28,14 +30,14 @@ class AtlasKind(IntEnum):
 class Attractors:
     """Attractors of some parameter points, one a row; see :class:`AttractorAtlas` for the columns."""
 
-    place: NDArray[np.int64]
+    place: Ints
     kind: NDArray[np.int8]
-    period: NDArray[np.int64]
-    rotations: NDArray[np.int64]
-    point: NDArray[np.float64]
-    centre: NDArray[np.float64]
-    modulus: NDArray[np.float64]
-    count: NDArray[np.int64]
+    period: Ints
+    rotations: Ints
+    point: Floats
+    centre: Floats
+    modulus: Floats
+    count: Ints
 
     @classmethod
     def empty(cls, d: int) -> Attractors:
@@ -47,7 +49,7 @@ class Attractors:
     def __len__(self) -> int:
         return len(self.place)
 
-    def __getitem__(self, rows: NDArray[np.int64]) -> Attractors:
+    def __getitem__(self, rows: Ints) -> Attractors:
         return Attractors(*(getattr(self, f.name)[rows] for f in fields(self)))
 
     def shifted(self, by: int) -> Attractors:
@@ -64,17 +66,15 @@ class Attractors:
 class Directory:
     """Attractors sorted by parameter point and species, which is what kind, period and full rotations make up."""
 
-    place: NDArray[np.int64]
-    species: NDArray[np.int64]
-    centre: NDArray[np.float64]
-    order: NDArray[np.int64]
-    keys: NDArray[np.int64]
+    place: Ints
+    species: Ints
+    centre: Floats
+    order: Ints
+    keys: Ints
     width: int
 
     @classmethod
-    def of(
-        cls, attractors: Attractors, species: NDArray[np.int64] | None = None, width: int | None = None
-    ) -> Directory:
+    def of(cls, attractors: Attractors, species: Ints | None = None, width: int | None = None) -> Directory:
         """Sort attractors, whose species, and the number of all species, may be known already."""
         if species is None:
             code = np.zeros(len(attractors), np.int64)
@@ -86,9 +86,7 @@ class Directory:
         order = np.argsort(keys, kind="stable")
         return cls(attractors.place, species, attractors.centre, order, keys[order], width)
 
-    def nearest(
-        self, species: NDArray[np.int64], centre: NDArray[np.float64], places: NDArray[np.int64], within: float = _APART
-    ) -> NDArray[np.int64]:
+    def nearest(self, species: Ints, centre: Floats, places: Ints, within: float = _APART) -> Ints:
         """Return the nearest attractors of some species at places, to means (n, 2 d); -1 where there is none near."""
         best, found = np.full(len(species), within), np.full(len(species), -1)
         rows = np.arange(len(species) if len(self.keys) else 0)
@@ -105,7 +103,7 @@ class Directory:
         return found
 
 
-def families_of(attractors: Attractors, shape: tuple[int, int]) -> NDArray[np.int64]:
+def families_of(attractors: Attractors, shape: tuple[int, int]) -> Ints:
     """Return the number of the family of each attractor, the family at most parameter points first.
 
     Attractors of neighbouring points of the grid belong to one family if they have kind, period and full rotations in

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import whole_number
 from .._lib.computed import computed_once
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
@@ -101,20 +102,20 @@ class AttractorAtlas(ConvertsToXarray, ConvertsToDataFrame):
 
     system: str
     parameters: tuple[str, str]
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    rows: NDArray[np.int64]
-    columns: NDArray[np.int64]
+    x: Floats
+    y: Floats
+    rows: Ints
+    columns: Ints
     kind: NDArray[np.int8]
-    period: NDArray[np.int64]
-    rotations: NDArray[np.int64]
-    points: NDArray[np.float64]
-    modulus: NDArray[np.float64]
-    counts: NDArray[np.int64]
-    family: NDArray[np.int64]
+    period: Ints
+    rotations: Ints
+    points: Floats
+    modulus: Floats
+    counts: Ints
+    family: Ints
     families: tuple[AttractorFamily, ...]
-    escaped: NDArray[np.int64]
-    undecided: NDArray[np.int64]
+    escaped: Ints
+    undecided: Ints
     curves: tuple[BifurcationCurve, ...]
     explained: float
     coordinates: tuple[Coordinate, ...]
@@ -130,14 +131,14 @@ class AttractorAtlas(ConvertsToXarray, ConvertsToDataFrame):
         )
 
     @property
-    def number(self) -> NDArray[np.int64]:
+    def number(self) -> Ints:
         """Number of attractors found at each parameter point, shape (ny, nx)."""
         found = np.zeros(self.escaped.shape, np.int64)
         np.add.at(found, (self.rows, self.columns), 1)
         return found
 
     @checked
-    def fraction(self, family: int) -> NDArray[np.float64]:
+    def fraction(self, family: int) -> Floats:
         """Return the fraction of initial conditions that converge to a family, shape (ny, nx).
 
         Parameters
@@ -151,7 +152,7 @@ class AttractorAtlas(ConvertsToXarray, ConvertsToDataFrame):
         return found / self.settings["initial_conditions"]
 
     @computed_once
-    def classes(self) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+    def classes(self) -> tuple[Ints, tuple[str, ...]]:
         """What coexists: a number for each parameter point (ny, nx), and the name of each, the most frequent first.
 
         A name such as ``"1 + 1 rotating + 2"`` gives the periods; mirror images have equal ones.

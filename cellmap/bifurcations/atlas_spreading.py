@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.stopping import check_stop
 from .._lib.threads import progress_bar, run_over, slices
 from .atlas_families import AtlasKind, Attractors, Directory
@@ -16,7 +16,7 @@ _WEAK = -0.02  # exponent per step from which orbits that approach a periodic at
 
 
 def spread(
-    job: Explorer, values: NDArray[np.float64], shape: tuple[int, int], found: Attractors, progress: str | None
+    job: Explorer, values: Floats, shape: tuple[int, int], found: Attractors, progress: str | None
 ) -> Attractors:
     """Return the attractors with those, counted 0 times, to which periodic ones of neighbouring points lead.
 
@@ -29,7 +29,7 @@ def spread(
             check_stop()
             directory = Directory.of(found, kinds)
             source, there = _neighbours(found, directory, front, shape)
-            parts: dict[int, tuple[Attractors, NDArray[np.int64]]] = {}
+            parts: dict[int, tuple[Attractors, Ints]] = {}
 
             def work(part: slice) -> None:
                 parts[part.start] = job.continued(found[source[part]], values, there[part])  # noqa: B023
@@ -51,9 +51,7 @@ def spread(
     return found
 
 
-def _neighbours(
-    found: Attractors, directory: Directory, front: NDArray[np.int64], shape: tuple[int, int]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _neighbours(found: Attractors, directory: Directory, front: Ints, shape: tuple[int, int]) -> tuple[Ints, Ints]:
     """Return attractors of a front, and neighbours of their parameter points where none like them is known."""
     ny, nx = shape
     row, column = found.place[front] // nx, found.place[front] % nx
@@ -67,7 +65,7 @@ def _neighbours(
     return source[new], there[new]
 
 
-def slow_ones(found: Attractors) -> NDArray[np.bool_]:
+def slow_ones(found: Attractors) -> Bools:
     """Return the rows counted as quasi-periodic whose orbits may approach a periodic attractor slowly."""
     with np.errstate(divide="ignore"):
         exponent = np.log(found.modulus) / np.maximum(found.period, 1)

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Ints
 from .._lib.checkpoint import check_belongs, plain
 from .._lib.files import StoreError, written_whole
 from .atlas_families import Attractors
 
-Result = tuple[Attractors, NDArray[np.int64], NDArray[np.int64]]
+Result = tuple[Attractors, Ints, Ints]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Complexes, Floats
 from .._lib.checks import shown, whole_number
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
@@ -57,9 +57,9 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
 
     kind: BifurcationKind | str
     parameters: tuple[str, str]
-    values: NDArray[np.float64]
-    points: NDArray[np.float64]
-    multipliers: NDArray[np.complex128]
+    values: Floats
+    points: Floats
+    multipliers: Complexes
     ends: tuple[str, str]
     _problem: CurveProblem = field(repr=False)
     _places: tuple[SolutionPoint, ...] = field(repr=False)
@@ -81,7 +81,7 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
         return self._problem.orbits.period
 
     @checked
-    def measure(self, quantity: Quantity = 0, measure: str | None = "maximum") -> NDArray[np.float64]:
+    def measure(self, quantity: Quantity = 0, measure: str | None = "maximum") -> Floats:
         """Return a measure of each orbit over its period, shape (n,); see :meth:`Branch.measure`."""
         found = measured(self.point_map, self.parameters, self.values, self.points, self.period, quantity, measure)
         return found if measure is None else unwrapped(found, turn_of(self.point_map, quantity, measure))

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Complexes, Floats, Ints
 from .._lib.checks import finite_number, whole_number
 from .._lib.computed import computed_once
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
@@ -44,15 +44,15 @@ class Bifurcation:
 
     kind: BifurcationKind
     value: float
-    point: NDArray[np.float64]
-    multipliers: NDArray[np.complex128]
+    point: Floats
+    multipliers: Complexes
     before: int
     after: int
     place: int
-    _unknowns: NDArray[np.float64] = field(repr=False)
-    _along: NDArray[np.float64] = field(repr=False)
+    _unknowns: Floats = field(repr=False)
+    _along: Floats = field(repr=False)
     _problem: OrbitProblem = field(repr=False)
-    _branch_direction: NDArray[np.float64] | None = field(repr=False, default=None)
+    _branch_direction: Floats | None = field(repr=False, default=None)
 
     @computed_once
     def normal_form(self) -> NormalForm | None:
@@ -77,7 +77,7 @@ class BranchPart:
 
     first: int
     problem: OrbitProblem
-    unknowns: NDArray[np.float64]
+    unknowns: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +108,9 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
 
     parameter: str
     period: int
-    values: NDArray[np.float64]
-    points: NDArray[np.float64]
-    multipliers: NDArray[np.complex128]
+    values: Floats
+    points: Floats
+    multipliers: Complexes
     bifurcations: tuple[Bifurcation, ...]
     ends: tuple[str, str]
     point_map: PointMap
@@ -125,7 +125,7 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         return f"Branch(period {self.period}, {len(self.values)} points, {self.parameter} from {span}: {found}{ends})"
 
     @property
-    def unstable(self) -> NDArray[np.int64]:
+    def unstable(self) -> Ints:
         """Number of multipliers outside the unit circle, shape (n,)."""
         return unstable_count(self.multipliers)
 
@@ -135,7 +135,7 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         return tuple(b for b in self.bifurcations if b.kind is kind)
 
     @checked
-    def measure(self, quantity: Quantity = 0, measure: str | None = "maximum") -> NDArray[np.float64]:
+    def measure(self, quantity: Quantity = 0, measure: str | None = "maximum") -> Floats:
         """Return a measure of each orbit over its period.
 
         Parameters

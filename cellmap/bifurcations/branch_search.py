@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import known_parameter, whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import difference
@@ -50,10 +50,10 @@ class BranchSearch:
 
     parameter: str
     branches: tuple[Branch, ...]
-    values: NDArray[np.float64]
-    orbits: NDArray[np.int64]
-    present: NDArray[np.bool_]
-    connected: NDArray[np.bool_]
+    values: Floats
+    orbits: Ints
+    present: Bools
+    connected: Bools
     not_followed: tuple[Bifurcation, ...]
 
     def __repr__(self) -> str:
@@ -155,7 +155,7 @@ def find_branches(
     )
 
 
-def _tolerances(point_map: PointMap, region: CellGrid) -> NDArray[np.float64]:
+def _tolerances(point_map: PointMap, region: CellGrid) -> Floats:
     """Return how near to each other points of one orbit are, at least, in each coordinate."""
     widths = np.subtract(region.upper, region.lower)
     periods = [c.period or np.inf for c in point_map.coordinates]
@@ -166,13 +166,7 @@ class _Found:
     """Branches found so far, each once."""
 
     def __init__(
-        self,
-        tolerances: NDArray[np.float64],
-        interval: tuple[float, float],
-        longest: int,
-        step: float,
-        most: int,
-        progress: bool,
+        self, tolerances: Floats, interval: tuple[float, float], longest: int, step: float, most: int, progress: bool
     ) -> None:
         self.branches: list[Branch] = []
         self.connected: list[bool] = []

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import finite_number, whole_number
 from .._lib.signatures import checked
 from ..maps.point_map import PointMap
@@ -52,12 +52,12 @@ class Cascade:
         return f"Cascade({found}, to period {self.periods[-1]}{ratio}; {self.end})"
 
     @property
-    def values(self) -> NDArray[np.float64]:
+    def values(self) -> Floats:
         """Parameter values of the period doublings."""
         return np.array([b.value for b in self.bifurcations if b.kind is BifurcationKind.PERIOD_DOUBLING])
 
     @property
-    def periods(self) -> NDArray[np.int64]:
+    def periods(self) -> Ints:
         """Periods of the orbits that bifurcate at the doublings; without a doubling, the period of the orbit."""
         doubled = [2 * b.period for b, kind in self._with_kinds() if kind is BifurcationKind.PERIOD_DOUBLING]
         return np.array(doubled or [self.branches[0].period])
@@ -66,7 +66,7 @@ class Cascade:
         return [(branch, b.kind) for branch, b in zip(self.branches, self.bifurcations, strict=False)]
 
     @property
-    def ratios(self) -> NDArray[np.float64]:
+    def ratios(self) -> Floats:
         """Ratios of successive parameter intervals, which converge to Feigenbaum's delta = 4.669201609."""
         gaps = np.diff(self.values)
         return gaps[:-1] / gaps[1:]

@@ -8,8 +8,9 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import known_parameter, monotone_values, whole_number
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
@@ -75,16 +76,16 @@ class CircleBranch(ConvertsToXarray, ConvertsToDataFrame):
     """
 
     parameter: str
-    values: NDArray[np.float64]
+    values: Floats
     status: tuple[CircleStatus, ...]
-    rotation: NDArray[np.float64]
-    rotation_errors: NDArray[np.float64]
-    period: NDArray[np.int64]
-    invariance_errors: NDArray[np.float64]
-    decay: NDArray[np.float64]
+    rotation: Floats
+    rotation_errors: Floats
+    period: Ints
+    invariance_errors: Floats
+    decay: Floats
     circles: tuple[InvariantCircle | None, ...]
     coordinates: tuple[Coordinate, ...]
-    exponents: NDArray[np.float64]
+    exponents: Floats
     ends: tuple[str, str] = ("first value", "last value")
 
     def __repr__(self) -> str:
@@ -207,9 +208,7 @@ def _looked_at(here: PointMap, orbits: Orbits, age: int) -> tuple[CircleStatus, 
     return CircleStatus.BROKEN, None, 0, np.nan
 
 
-def _locked_rotation(
-    history: NDArray[np.float64], rotations: NDArray[np.int64], coordinates: Sequence[Coordinate]
-) -> float:
+def _locked_rotation(history: Floats, rotations: Ints, coordinates: Sequence[Coordinate]) -> float:
     """Return p/q for the q points of a periodic orbit, with the first one again at the end: the turns around it."""
     period = len(history) - 1
     turn = turns_of(coordinates)[1]

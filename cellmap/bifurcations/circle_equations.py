@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from ..maps.coordinates import turns_of, wrap
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
@@ -32,8 +32,8 @@ class CircleProblem:
 
     swept: PointMap
     period: int
-    scale: NDArray[np.float64]
-    reference: NDArray[np.float64]
+    scale: Floats
+    reference: Floats
 
     @property
     def dimension(self) -> int:
@@ -45,11 +45,11 @@ class CircleProblem:
         """Number of phases."""
         return len(self.reference)
 
-    def curve(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def curve(self, unknowns: Floats) -> Floats:
         """Return the points (M, d) of a circle, angles unwrapped."""
         return np.asarray((unknowns * self.scale)[:-2].reshape(self.phases, self.dimension))
 
-    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def __call__(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Return residuals (M d + 1,) and their derivatives (M d + 1, M d + 2)."""
         m, d = self.phases, self.dimension
         points, (rho, value) = self.curve(unknowns), unknowns[-2:] * self.scale[-2:]
@@ -72,7 +72,7 @@ class CircleProblem:
         residual = np.append((apart / unit).ravel(), across @ ((points - self.reference) / unit).ravel())
         return residual, np.vstack([whole, fixed])
 
-    def finer(self, unknowns: NDArray[np.float64], phases: int) -> tuple[CircleProblem, NDArray[np.float64]]:
+    def finer(self, unknowns: Floats, phases: int) -> tuple[CircleProblem, Floats]:
         """Return the equations with more phases, and the same circle as their unknowns."""
         d, ratio = self.dimension, np.sqrt(phases / self.phases)
         unit = np.tile(self.scale[:d] * ratio, phases)
@@ -80,12 +80,12 @@ class CircleProblem:
         values = np.append(resampled(self.curve(unknowns), phases).ravel() / unit, unknowns[-2:])
         return finer, values
 
-    def tail(self, unknowns: NDArray[np.float64]) -> float:
+    def tail(self, unknowns: Floats) -> float:
         """Return the size of the last harmonics in units of the largest one."""
         sizes = np.abs(np.fft.rfft(self.curve(unknowns) / self.scale[: self.dimension], axis=0)).max(axis=1)
         return float(sizes[-(len(sizes) // 4) :].max() / sizes[1:].max())
 
-    def circle(self, exact: PointMap, unknowns: NDArray[np.float64]) -> InvariantCircle:
+    def circle(self, exact: PointMap, unknowns: Floats) -> InvariantCircle:
         """Return the circle of the map, as many curves as periods."""
         turn = turns_of(exact.coordinates)[1]
         points, curves = self.curve(unknowns), []
@@ -119,7 +119,7 @@ def across_exponent(exact: PointMap, circle: InvariantCircle) -> float:
     return float((bump(len(logs)) @ logs).max() / curves)
 
 
-def _along(circle: InvariantCircle, phases: NDArray[np.float64], turn: NDArray[np.float64]) -> NDArray[np.float64]:
+def _along(circle: InvariantCircle, phases: Floats, turn: Floats) -> Floats:
     """Return derivatives (n, d) of the first curve by the phase; `turn` has the periods of angles, 0 for others."""
     coefficients = circle.coefficients[0]
     harmonics = np.arange(coefficients.shape[-1]) - coefficients.shape[-1] // 2
@@ -129,7 +129,7 @@ def _along(circle: InvariantCircle, phases: NDArray[np.float64], turn: NDArray[n
     return np.asarray(np.where(turn > 0.0, turns, rates.real))
 
 
-def shift_matrix(phases: int, rho: float) -> NDArray[np.float64]:
+def shift_matrix(phases: int, rho: float) -> Floats:
     """Return the matrix (M, M) that takes values of a trigonometric polynomial at M phases to those at phases + rho."""
     offsets = np.arange(phases) / phases + rho
     harmonics = np.arange(1, phases // 2 + 1)
@@ -138,13 +138,13 @@ def shift_matrix(phases: int, rho: float) -> NDArray[np.float64]:
     return np.asarray(kernel[(rows[:, None] - rows) % phases])
 
 
-def derivative(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def derivative(points: Floats) -> Floats:
     """Return the derivative by the phase of values (M, d) at an odd number of phases."""
     waves = np.fft.rfft(points, axis=0)
     return np.fft.irfft(2j * np.pi * np.arange(len(waves))[:, None] * waves, len(points), axis=0)
 
 
-def resampled(points: NDArray[np.float64], phases: int) -> NDArray[np.float64]:
+def resampled(points: Floats, phases: int) -> Floats:
     """Return the values (M, d) of the same trigonometric polynomial at more phases."""
     waves = np.fft.rfft(points, axis=0)
     return np.fft.irfft(waves, phases, axis=0) * (phases / len(points))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.signatures import checked
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
@@ -127,13 +127,8 @@ def _born(
 
 
 def _traced(
-    problem: CircleProblem,
-    start: SolutionPoint,
-    box: Box,
-    longest: float,
-    most: int,
-    label: str | None,
-) -> tuple[list[tuple[CircleProblem, NDArray[np.float64]]], str]:
+    problem: CircleProblem, start: SolutionPoint, box: Box, longest: float, most: int, label: str | None
+) -> tuple[list[tuple[CircleProblem, Floats]], str]:
     """Return the circles with their equations, and the reason why they end."""
     problem, here = _resolved(problem, start) or (problem, start)
     found = [(problem, here.unknowns)]
@@ -175,11 +170,7 @@ def _finer(problem: CircleProblem, place: SolutionPoint) -> tuple[CircleProblem,
 
 
 def _record(
-    exact: PointMap,
-    parameter: str,
-    interval: tuple[float, float],
-    found: list[tuple[CircleProblem, NDArray[np.float64]]],
-    end: str,
+    exact: PointMap, parameter: str, interval: tuple[float, float], found: list[tuple[CircleProblem, Floats]], end: str
 ) -> CircleBranch:
     """Return the circles as a record."""
     values = np.clip([unknowns[-1] * problem.scale[-1] for problem, unknowns in found], *interval)

@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Complexes, Floats
 from .._lib.computed import computed_once
 from .._lib.stopping import check_stop
 from .._lib.threads import progress_bar, slices
@@ -93,12 +93,12 @@ class CodimensionTwo:
 
     kind: CodimensionTwoKind
     parameters: tuple[str, str]
-    values: NDArray[np.float64]
-    point: NDArray[np.float64]
-    multipliers: NDArray[np.complex128]
+    values: Floats
+    point: Floats
+    multipliers: Complexes
     place: int
     _problem: SingularOrbits = field(repr=False)
-    _unknowns: NDArray[np.float64] = field(repr=False)
+    _unknowns: Floats = field(repr=False)
 
     @property
     def orbit(self) -> PeriodicOrbit:
@@ -126,10 +126,7 @@ class CodimensionTwo:
 
 
 def points_on(
-    problem: SingularOrbits,
-    names: tuple[str, str],
-    places: Sequence[SolutionPoint],
-    progress: bool = False,
+    problem: SingularOrbits, names: tuple[str, str], places: Sequence[SolutionPoint], progress: bool = False
 ) -> tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]:
     """Return the points of codimension two on a curve through places, in its order.
 
@@ -182,7 +179,7 @@ def _step(problem: SingularOrbits, begin: SolutionPoint, end: SolutionPoint) -> 
     return ContinuationStep(problem, begin, end, float(begin.tangent @ (end.unknowns - begin.unknowns)))
 
 
-def _dip(lengths: NDArray[np.float64], values: NDArray[np.float64], number: int) -> float | None:
+def _dip(lengths: Floats, values: Floats, number: int) -> float | None:
     """Return which part of one of two or three steps leads to where a test function may be zero on both sides; or None.
 
     That is where the parabola through three of its values is nearest to zero, at less than half of them.
@@ -211,11 +208,7 @@ def _vanishing(values: Sequence[dict[CodimensionTwoKind, _TestValue]]) -> frozen
 
 
 def _point(
-    problem: SingularOrbits,
-    names: tuple[str, str],
-    place: int,
-    kind: CodimensionTwoKind,
-    at: SolutionPoint,
+    problem: SingularOrbits, names: tuple[str, str], place: int, kind: CodimensionTwoKind, at: SolutionPoint
 ) -> CodimensionTwo:
     orbits = problem.orbits
     d, state = orbits.dimension, orbits.once(at.unknowns * orbits.scale)
@@ -238,7 +231,7 @@ class _TestValue(NamedTuple):
     rounding: float = _ROUNDING
 
 
-Frame = tuple[NDArray[np.float64], NDArray[np.float64]]
+Frame = tuple[Floats, Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,11 +248,11 @@ class _Tests:
     def _critical(self) -> float:
         return -1.0 if self.problem.kind is _FLIP else 1.0
 
-    def factors(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def factors(self, unknowns: Floats) -> Floats:
         """Return the derivatives (..., n, d, d) from each node to the next one at unknowns (..., n d + m)."""
         return self.problem.orbits.factors(self.problem.orbits(unknowns)[1])
 
-    def frame(self, factors: NDArray[np.float64], beside: Frame | None) -> Frame:
+    def frame(self, factors: Floats, beside: Frame | None) -> Frame:
         """Return the right and the left unit eigenvector of the critical multiplier, along the nodes (n d,).
 
         They point along those beside them.
@@ -269,7 +262,7 @@ class _Tests:
         signs = [1.0, 1.0] if beside is None else [np.copysign(1.0, a @ b) for a, b in zip(found, beside, strict=True)]
         return signs[0] * found[0], signs[1] * found[1]
 
-    def forms(self, unknowns: NDArray[np.float64]) -> MultilinearForms:
+    def forms(self, unknowns: Floats) -> MultilinearForms:
         """Return the derivatives of the map that a coefficient asks for, at unknowns (k, n d + m)."""
         orbits, order = self.problem.orbits, 2 if self.problem.kind is _FOLD else 3
         return forms_along(orbits, orbits.cycle(unknowns), order, once=True)
@@ -278,9 +271,7 @@ class _Tests:
         """Return a test function at a place, NaN where it is not known."""
         return float(self.beside(place.unknowns[None], kind, frame)[0])
 
-    def beside(
-        self, unknowns: NDArray[np.float64], kind: CodimensionTwoKind, frame: Frame | None = None
-    ) -> NDArray[np.float64]:
+    def beside(self, unknowns: Floats, kind: CodimensionTwoKind, frame: Frame | None = None) -> Floats:
         """Return a test function (k,) at unknowns (k, n d + m), with the frame of the first; NaN where not known."""
         factors = self.factors(unknowns)
         forms = self.forms(unknowns) if kind in _DEGENERATE.values() else None
@@ -290,9 +281,7 @@ class _Tests:
         )
         return np.array([np.nan if value is None else value.value for value in found])
 
-    def values(
-        self, factors: NDArray[np.float64], tensors: Tensors | None, frame: Frame
-    ) -> dict[CodimensionTwoKind, _TestValue]:
+    def values(self, factors: Floats, tensors: Tensors | None, frame: Frame) -> dict[CodimensionTwoKind, _TestValue]:
         """Return the test functions at a place that are known; without derivatives of the map, those of multipliers."""
         if not np.isfinite(factors).all():
             return {}
@@ -320,9 +309,7 @@ class _Tests:
             found[_DEGENERATE[kind]] = _TestValue(reduced, _ROUNDING * size)
         return found
 
-    def _of_pairs(
-        self, multipliers: NDArray[np.complex128], tensors: Tensors | None
-    ) -> dict[CodimensionTwoKind, _TestValue]:
+    def _of_pairs(self, multipliers: Complexes, tensors: Tensors | None) -> dict[CodimensionTwoKind, _TestValue]:
         pair = list(pair_on_circle(multipliers))
         cosine = cosine_of_pair(multipliers)
         found = {kind: _TestValue(cosine - value) for kind, value in _COSINES.items()}
@@ -393,7 +380,7 @@ class CodimensionTwoOrbits:
         """The test functions."""
         return _Tests(self.bifurcation)
 
-    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def __call__(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Return residuals (n d + 2,) and their derivatives (n d + 2, n d + m) at unknowns (n d + m,)."""
         double, count = self.kind is CodimensionTwoKind.DOUBLE_NEIMARK_SACKER, len(unknowns)
         residual, slopes = (self.bifurcation.orbits if double else self.bifurcation)(unknowns)
@@ -414,12 +401,12 @@ class CodimensionTwoOrbits:
         return np.full(rows, np.nan), np.full((rows, count), np.nan)
 
 
-def cosine_of_pair(multipliers: NDArray[np.complex128]) -> float:
+def cosine_of_pair(multipliers: Complexes) -> float:
     """Return half the sum of the two multipliers whose product is nearest to 1."""
     return float(multipliers[list(pair_on_circle(multipliers))].sum().real / 2.0)
 
 
-def _growth_of_pairs(factors: NDArray[np.float64]) -> NDArray[np.float64]:
+def _growth_of_pairs(factors: Floats) -> Floats:
     """Return the logarithms of the moduli of the two complex pairs next to the unit circle, by their angles."""
     multipliers = multipliers_along(factors) if np.isfinite(factors).all() else np.empty(0, complex)
     upper = multipliers[multipliers.imag > 0.0]
@@ -433,19 +420,19 @@ def _cubic_size(forms: Tensors) -> float:
     return float(np.abs(forms[1]).max() ** 2 + np.abs(forms[2]).max())
 
 
-def _difference(multipliers: NDArray[np.complex128], value: float) -> float:
+def _difference(multipliers: Complexes, value: float) -> float:
     """Return a function that changes its sign where one of some multipliers passes a value, 1 or -1."""
     return float(np.prod((value - multipliers) / (1.0 + np.abs(multipliers))).real)
 
 
-def _pairs(multipliers: NDArray[np.complex128]) -> float:
+def _pairs(multipliers: Complexes) -> float:
     """Return a function that changes its sign where two of some multipliers have the product 1."""
     i, j = np.triu_indices(len(multipliers), 1)
     products = multipliers[i] * multipliers[j]
     return float(np.prod((products - 1.0) / (1.0 + np.abs(products))).real)
 
 
-def _without(multipliers: NDArray[np.complex128], critical: float) -> NDArray[np.complex128]:
+def _without(multipliers: Complexes, critical: float) -> Complexes:
     return np.delete(multipliers, np.argmin(np.abs(multipliers - critical)))
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Complexes, Floats
 from .._lib.checks import shown, whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import wrap
@@ -43,9 +43,9 @@ class CodimensionTwoCurve:
 
     kind: CodimensionTwoKind
     parameters: tuple[str, str, str]
-    values: NDArray[np.float64]
-    points: NDArray[np.float64]
-    multipliers: NDArray[np.complex128]
+    values: Floats
+    points: Floats
+    multipliers: Complexes
     ends: tuple[str, str]
     _problem: CodimensionTwoOrbits = field(repr=False)
     _places: tuple[SolutionPoint, ...] = field(repr=False)

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Complexes, Floats
 from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import state_points
@@ -238,7 +239,7 @@ def codimension_two_form(point_map: PointMap, point: ArrayLike, kind: Kind, peri
     return found
 
 
-def form_of_two(problem: OrbitProblem, unknowns: NDArray[np.float64], kind: Kind) -> CodimensionTwoForm | None:
+def form_of_two(problem: OrbitProblem, unknowns: Floats, kind: Kind) -> CodimensionTwoForm | None:
     """Return the normal form at unknowns (d + 2,) of an orbit problem; None where its multipliers do not allow it."""
     return _form(LocatedForms.of(problem, unknowns, _FORMS[kind].order), kind)
 
@@ -251,7 +252,7 @@ def _form(located: LocatedForms, kind: Kind) -> CodimensionTwoForm | None:
     vanishing = [abs(found[name]) for name in _VANISHING if name in found]
     off = max(centre.off(located.tensors[0]), *np.nan_to_num(vanishing), 0.0)
 
-    def again(tensors: Tensors) -> NDArray[np.complex128]:
+    def again(tensors: Tensors) -> Complexes:
         return np.array(list(_numbers(tensors, kind, located.sizes).values()))
 
     values = np.array(list(found.values()))
@@ -266,7 +267,7 @@ def _form(located: LocatedForms, kind: Kind) -> CodimensionTwoForm | None:
     )
 
 
-def _numbers(tensors: Tensors, kind: Kind, sizes: NDArray[np.float64]) -> Numbers:
+def _numbers(tensors: Tensors, kind: Kind, sizes: Floats) -> Numbers:
     """Return the coefficients of a normal form, NaN where they are not known."""
     form, centre = _FORMS[kind], _centre(tensors[0], kind)
     found: Numbers = dict.fromkeys(form.terms, complex(np.nan))
@@ -282,7 +283,7 @@ def _numbers(tensors: Tensors, kind: Kind, sizes: NDArray[np.float64]) -> Number
         return found | form.further({name: np.complex128(value) for name, value in found.items()})
 
 
-def _centre(matrices: NDArray[np.float64], kind: Kind) -> Centre | None:
+def _centre(matrices: Floats, kind: Kind) -> Centre | None:
     """Return the critical eigenspace of a kind of bifurcation; None where there is none."""
     if kind in _BLOCKS:
         return Centre.of_block(matrices, 1.0 if kind is Kind.RESONANCE_1_1 else -1.0, _BLOCKS[kind])

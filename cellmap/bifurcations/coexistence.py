@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.stopping import check_stop
 from ..maps.coordinates import turns_of, wrap
 from ..maps.orbit_batch import Orbits
@@ -39,18 +39,16 @@ class Explorer:
     """Search for the attractors of parameter points: a pure function of these."""
 
     swept: PointMap
-    initial_conditions: NDArray[np.float64]
-    extent: NDArray[np.float64]
+    initial_conditions: Floats
+    extent: Floats
     max_periods: int
     max_period: int
 
-    def __call__(self, values: NDArray[np.float64]) -> tuple[Attractors, NDArray[np.int64], NDArray[np.int64]]:
+    def __call__(self, values: Floats) -> tuple[Attractors, Ints, Ints]:
         """Return attractors at parameter points (n, 2), and the numbers (n,) of escaped and undecided orbits."""
         return _Search(self, values).run()
 
-    def continued(
-        self, attractors: Attractors, values: NDArray[np.float64], place: NDArray[np.int64]
-    ) -> tuple[Attractors, NDArray[np.int64]]:
+    def continued(self, attractors: Attractors, values: Floats, place: Ints) -> tuple[Attractors, Ints]:
         """Return the periodic attractors to which others lead at parameter points, and the rows of these."""
         states = np.column_stack([attractors.point, values[place]])
         found, rows = periodic_attractors(self, states, place, attractors.period)[:2]
@@ -66,9 +64,9 @@ class _Search:
     """State of a search: orbits that have not converged, attractors with their regions, and counts."""
 
     job: Explorer
-    values: NDArray[np.float64]
+    values: Floats
     orbits: Orbits = field(init=False)
-    place: NDArray[np.int64] = field(init=False)
+    place: Ints = field(init=False)
     found: Attractors = field(init=False)
     regions: Regions = field(init=False)
     looks: int = 0
@@ -85,7 +83,7 @@ class _Search:
     def dimension(self) -> int:
         return self.job.initial_conditions.shape[1]
 
-    def run(self) -> tuple[Attractors, NDArray[np.int64], NDArray[np.int64]]:
+    def run(self) -> tuple[Attractors, Ints, Ints]:
         """Iterate the orbits until they have converged, some of each parameter point ahead of the others."""
         number = np.arange(len(self.place)) % len(self.job.initial_conditions)
         ahead = (number + number // _PILOTS) % _PILOTS == 0  # across the rows and columns of a grid
@@ -115,14 +113,14 @@ class _Search:
                     self._capture()
                 due = _RARER * age
 
-    def _join(self, orbits: Orbits, place: NDArray[np.int64]) -> None:
+    def _join(self, orbits: Orbits, place: Ints) -> None:
         """Put orbits to the others, sorted by parameter point."""
         both = Orbits.joined([self.orbits, orbits])
         place = np.concatenate([self.place, place])
         order = np.argsort(place, kind="stable")
         self.orbits, self.place = both[order], place[order]
 
-    def _keep(self, rows: NDArray[np.bool_]) -> None:
+    def _keep(self, rows: Bools) -> None:
         self.orbits, self.place = self.orbits[rows], self.place[rows]
 
     def _end_escaped(self) -> None:
@@ -150,7 +148,7 @@ class _Search:
         self.found = Attractors.joined(self.found, fresh)
         return True
 
-    def _attractors(self, states: NDArray[np.float64], place: NDArray[np.int64]) -> tuple[Attractors, Regions]:
+    def _attractors(self, states: Floats, place: Ints) -> tuple[Attractors, Regions]:
         """Return the attracting periodic orbits beside states (n, d + 2) that are not known, with their regions."""
         job, d = self.job, self.dimension
         apart = return_distances(job.swept, states, job.max_period, job.extent)
@@ -167,13 +165,13 @@ class _Search:
         held = np.flatnonzero(regions.has_any(len(rows)))
         return fresh[held], regions.renumbered(held, len(rows))
 
-    def _known(self, fresh: Attractors) -> NDArray[np.bool_]:
+    def _known(self, fresh: Attractors) -> Bools:
         """Return which attractors have been found before, perhaps from another of their points."""
         species = np.concatenate([self.found.period, fresh.period])
         known = Directory.of(self.found, species[: len(self.found)], int(species.max()) + 1)
         return known.nearest(fresh.period, fresh.centre, fresh.place, SAME_MEAN) >= 0
 
-    def _rest(self) -> NDArray[np.int64]:
+    def _rest(self) -> Ints:
         """Classify the orbits that never converged, by the largest exponent of one at each parameter point."""
         undecided = np.bincount(self.place, minlength=len(self.values))
         first = np.flatnonzero(np.diff(self.place, prepend=-1))
@@ -204,8 +202,8 @@ class _Search:
 
 
 def periodic_attractors(
-    job: Explorer, states: NDArray[np.float64], place: NDArray[np.int64], period: NDArray[np.int64]
-) -> tuple[Attractors, NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    job: Explorer, states: Floats, place: Ints, period: Ints
+) -> tuple[Attractors, Ints, Floats, Floats]:
     """Return the stable periodic orbits beside states (n, d + 2), the rows of their states, orbits and derivatives."""
     d = len(job.extent)
     points, good = newton(job.swept, states, period, job.extent, _REACH, attracting=True)
@@ -223,7 +221,7 @@ def periodic_attractors(
     return found, rows, orbit, matrices
 
 
-def _centres(job: Explorer, orbit: NDArray[np.float64], period: NDArray[np.int64]) -> NDArray[np.float64]:
+def _centres(job: Explorer, orbit: Floats, period: Ints) -> Floats:
     """Return means (n, 2 d) over orbits, which do not depend on their phase: of states, or of cosines and sines."""
     d = len(job.extent)
     states, turn = orbit[..., :d], turns_of(job.swept.coordinates)[1][:d]

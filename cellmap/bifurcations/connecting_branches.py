@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import known_parameter, pair_of
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
@@ -65,9 +65,9 @@ class ConnectionBranch(ConvertsToXarray, ConvertsToDataFrame):
     """
 
     parameter: str
-    values: NDArray[np.float64]
-    angles: NDArray[np.float64]
-    points: NDArray[np.float64]
+    values: Floats
+    angles: Floats
+    points: Floats
     tangencies: tuple[Tangency, ...]
     ends: tuple[str, str]
 
@@ -96,8 +96,8 @@ class TangencyCurve(ConvertsToXarray, ConvertsToDataFrame):
     """
 
     parameters: tuple[str, str]
-    values: NDArray[np.float64]
-    points: NDArray[np.float64]
+    values: Floats
+    points: Floats
     ends: tuple[str, str]
     coordinates: tuple[Coordinate, ...]
 
@@ -294,7 +294,7 @@ def _tangency(exact: PointMap, problem: ConnectingProblem, fold: SolutionPoint, 
     return Tangency(value, orbit_at(here, problem, fold.unknowns[:-1], problem.angle(fold.unknowns)), gains)
 
 
-def _points(orbit: ConnectingOrbit) -> NDArray[np.float64]:
+def _points(orbit: ConnectingOrbit) -> Floats:
     """Return the points (n, d) of saddles and orbit as the equations have them."""
     d = len(orbit._scale)
     return np.asarray(orbit._unknowns.reshape(-1, d) * orbit._scale)

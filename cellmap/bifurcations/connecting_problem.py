@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from ..maps.coordinates import difference, turns_of
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
@@ -26,7 +26,7 @@ class ConnectingProblem:
     dimension: int
     steps: int
     length: int
-    scale: NDArray[np.float64]
+    scale: Floats
 
     @property
     def parameters(self) -> int:
@@ -38,22 +38,20 @@ class ConnectingProblem:
         """Number of points: both saddles, and those of the orbit."""
         return self.length + 3
 
-    def states(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def states(self, unknowns: Floats) -> Floats:
         """Return the states (points, d + m) of saddles and orbit with the parameters."""
         n, d = self.points, self.dimension
         values = unknowns * self.scale
         return np.column_stack([values[: n * d].reshape(n, d), np.tile(values[n * d :], (n, 1))])
 
-    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def __call__(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Return residuals and their derivatives by the unknowns, of one orbit or of several."""
         if unknowns.ndim == 1:
             return self._assembled(unknowns)[:2]
         found = [self._assembled(each) for each in unknowns]
         return np.array([residual for residual, *_ in found]), np.array([slopes for _, slopes, _ in found])
 
-    def _assembled(
-        self, unknowns: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _assembled(self, unknowns: Floats) -> tuple[Floats, Floats, Floats]:
         n, d, m = self.points, self.dimension, self.parameters
         states = self.states(unknowns)
         images, matrices = tangent(self.swept, states, self.steps)
@@ -86,7 +84,7 @@ class ConnectingProblem:
         jacobian[at:, d : 2 * d] = -outside
         return residual, jacobian, slopes
 
-    def _left(self, matrix: NDArray[np.float64], unstable: bool) -> NDArray[np.float64]:
+    def _left(self, matrix: Floats, unstable: bool) -> Floats:
         """Return a basis of rows (k, d) that vanish on the other eigenspace, in units of the scale.
 
         That of the unstable eigenspace is one row; the others are normal to the unstable eigenvector.
@@ -100,13 +98,13 @@ class ConnectingProblem:
         largest = np.take_along_axis(rows, np.abs(rows).argmax(axis=1)[:, None], axis=1)
         return np.asarray(rows * np.sign(largest))
 
-    def has_saddles(self, unknowns: NDArray[np.float64]) -> bool:
+    def has_saddles(self, unknowns: Floats) -> bool:
         """Return whether both ends are saddles with one unstable multiplier."""
         d = self.dimension
         slopes = tangent(self.swept, self.states(unknowns)[:2], self.steps)[1][:, :d, :d]
         return bool((np.count_nonzero(np.abs(np.linalg.eigvals(slopes)) > 1.0, axis=-1) == 1).all())
 
-    def angle(self, unknowns: NDArray[np.float64]) -> float:
+    def angle(self, unknowns: Floats) -> float:
         """Return the angle in radians, in scaled coordinates, between both manifolds at the middle of the orbit.
 
         Its sign tells on which side they cross; 0 at a tangency.
@@ -128,7 +126,7 @@ class ConnectingProblem:
         return float(np.arcsin(np.clip(across @ along, -1.0, 1.0)))
 
     @property
-    def parameter_direction(self) -> NDArray[np.float64]:
+    def parameter_direction(self) -> Floats:
         """Unit vector along the last parameter."""
         return np.eye(len(self.scale))[-1]
 
@@ -142,12 +140,12 @@ class TangencyProblem:
 
     orbits: ConnectingProblem
 
-    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def __call__(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Return residuals and their derivatives by the unknowns."""
         residual, slopes = self.orbits(unknowns)
         _, size, gradient = smallest(self.orbits, unknowns, slopes[:, : len(residual)])
         return np.append(residual, size), np.vstack([slopes, gradient])
 
-    def has_saddles(self, unknowns: NDArray[np.float64]) -> bool:
+    def has_saddles(self, unknowns: Floats) -> bool:
         """Return whether both ends are saddles with one unstable multiplier."""
         return self.orbits.has_saddles(unknowns)

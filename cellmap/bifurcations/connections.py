@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from math import ceil, lcm, log
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import finite_number, whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, difference, turns_of, wrap
@@ -47,15 +47,15 @@ class ConnectingOrbit:
         State variables.
     """
 
-    points: NDArray[np.float64]
-    source: NDArray[np.float64]
-    target: NDArray[np.float64]
+    points: Floats
+    source: Floats
+    target: Floats
     steps: int
     angle: float
     coordinates: tuple[Coordinate, ...]
     _point_map: PointMap = field(repr=False)
-    _unknowns: NDArray[np.float64] = field(repr=False)
-    _scale: NDArray[np.float64] = field(repr=False)
+    _unknowns: Floats = field(repr=False)
+    _scale: Floats = field(repr=False)
 
     @property
     def homoclinic(self) -> bool:
@@ -167,14 +167,14 @@ class _Splitting:
     """A saddle with its unstable eigenvector and multiplier; `left` times a shift is its component along the former."""
 
     exact: PointMap
-    point: NDArray[np.float64]
-    matrix: NDArray[np.float64]
-    unstable: NDArray[np.float64]
+    point: Floats
+    matrix: Floats
+    unstable: Floats
     factor: float
-    left: NDArray[np.float64]
+    left: Floats
 
     @classmethod
-    def at(cls, exact: PointMap, point: NDArray[np.float64], steps: int) -> _Splitting:
+    def at(cls, exact: PointMap, point: Floats, steps: int) -> _Splitting:
         """Return the eigenspaces of a saddle that is fixed under some steps."""
         matrix = tangent(exact, point, steps)[1]
         values, vectors = np.linalg.eig(matrix)
@@ -185,7 +185,7 @@ class _Splitting:
         row = np.real(rows[:, np.argmax(np.abs(numbers))])
         return cls(exact, point, matrix, vector, float(np.real(values[k])), row / (row @ vector))
 
-    def parts(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def parts(self, points: Floats) -> tuple[Floats, Floats]:
         """Return the unstable component (n,) and the stable part (n, d) of the shifts of points from the saddle."""
         shift = difference(points, self.point, self.exact.coordinates)
         along = shift @ self.left
@@ -193,14 +193,8 @@ class _Splitting:
 
 
 def _visited(
-    exact: PointMap,
-    p: NDArray[np.float64],
-    direction: NDArray[np.float64],
-    factor: float,
-    steps: int,
-    most: int,
-    turn: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    exact: PointMap, p: Floats, direction: Floats, factor: float, steps: int, most: int, turn: Floats
+) -> Floats:
     """Return the extent of a region that the unstable manifold visits: its images near the saddle, robustly."""
     offsets = np.concatenate([s * np.geomspace(1e-6, 1e-6 * factor**2, 64) for s in (1.0, -1.0)])
     unit = 1.0 + np.abs(p).max()
@@ -220,17 +214,17 @@ class _Segment:
     """Fundamental segment of an unstable manifold: places from 0 to 1 are from a point to its first image."""
 
     exact: PointMap
-    saddle: NDArray[np.float64]
-    direction: NDArray[np.float64]
+    saddle: Floats
+    direction: Floats
     factor: float
     steps: int
 
-    def begin(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    def begin(self, places: Floats) -> Floats:
         """Return the points (n, d) at places."""
         return np.asarray(self.saddle + _BEGINNING * np.power(self.factor, places)[:, None] * self.direction)
 
     def crossings(
-        self, target: _Splitting, size: NDArray[np.float64], radius: float, most: int, samples: int
+        self, target: _Splitting, size: Floats, radius: float, most: int, samples: int
     ) -> Iterator[tuple[float, int]]:
         """Yield places, and the steps after which their images are near a saddle and on its stable manifold."""
         places = np.linspace(0.0, 1.0, samples + 1)
@@ -252,10 +246,8 @@ class _Segment:
                     found.append(place)
                     yield place, number
 
-    def _bisected(
-        self, low: NDArray[np.float64], high: NDArray[np.float64], number: int, target: _Splitting
-    ) -> list[float]:
-        def side(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _bisected(self, low: Floats, high: Floats, number: int, target: _Splitting) -> list[float]:
+        def side(places: Floats) -> Floats:
             orbits = Orbits.starting(self.begin(places))
             self.exact.advance(orbits, self.steps * number)
             return np.asarray(np.sign(target.parts(orbits.points)[0]))
@@ -269,7 +261,7 @@ class _Segment:
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         return [float(place) for place in 0.5 * (low + high)]
 
-    def chain(self, place: float, number: int) -> NDArray[np.float64]:
+    def chain(self, place: float, number: int) -> Floats:
         """Return the images (number + 1, d) of a place."""
         orbits = Orbits.starting(self.begin(np.array([place])))
         points = [orbits.points[0].copy()]
@@ -279,7 +271,7 @@ class _Segment:
         return np.array(points)
 
 
-def _to_target(chain: NDArray[np.float64], target: _Splitting, size: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _to_target(chain: Floats, target: _Splitting, size: Floats) -> Floats | None:
     """Return a chain continued in the stable eigenspace of a saddle until it is close; None where that takes long."""
     if not np.isfinite(chain).all():
         return None
@@ -295,12 +287,7 @@ def _to_target(chain: NDArray[np.float64], target: _Splitting, size: NDArray[np.
 
 
 def connection(
-    exact: PointMap,
-    steps: int,
-    size: NDArray[np.float64],
-    p: NDArray[np.float64],
-    q: NDArray[np.float64],
-    chain: NDArray[np.float64],
+    exact: PointMap, steps: int, size: Floats, p: Floats, q: Floats, chain: Floats
 ) -> ConnectingOrbit | None:
     """Return the connecting orbit beside a chain of points; None where Newton's method finds none."""
     name = next(iter(exact.params), None)
@@ -315,13 +302,8 @@ def connection(
 
 
 def problem_of(
-    exact: PointMap,
-    names: tuple[str, ...],
-    spans: tuple[float, ...],
-    steps: int,
-    size: NDArray[np.float64],
-    points: NDArray[np.float64],
-) -> tuple[ConnectingProblem, NDArray[np.float64]]:
+    exact: PointMap, names: tuple[str, ...], spans: tuple[float, ...], steps: int, size: Floats, points: Floats
+) -> tuple[ConnectingProblem, Floats]:
     """Return the equations with free parameters, and the unknowns of points (n, d): saddles, then the orbit."""
     scale = np.concatenate([np.tile(size, len(points)), spans])
     problem = ConnectingProblem(swept_map(exact, *names), exact.dimension, steps, len(points) - 3, scale)
@@ -329,7 +311,7 @@ def problem_of(
     return problem, np.concatenate([points.ravel(), values]) / scale
 
 
-def orbit_at(exact: PointMap, problem: ConnectingProblem, states: NDArray[np.float64], angle: float) -> ConnectingOrbit:
+def orbit_at(exact: PointMap, problem: ConnectingProblem, states: Floats, angle: float) -> ConnectingOrbit:
     """Return the orbit of unknowns without parameters."""
     d = problem.dimension
     points = (states * problem.scale[: len(states)]).reshape(-1, d)

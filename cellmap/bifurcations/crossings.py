@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.roots import extrema, zeros
 from ..maps.orbit_batch import Status
 from ..orbits.multipliers import MARGIN, multipliers_of, pairs_beside_one, unstable_count
@@ -40,16 +41,16 @@ class Matrices:
     A determinant may be far smaller, and its distance from 1 known far better, than the entries of a matrix tell.
     """
 
-    matrices: NDArray[np.float64]
-    determinants: NDArray[np.float64]
-    excess: NDArray[np.float64]
+    matrices: Floats
+    determinants: Floats
+    excess: Floats
     status: NDArray[np.uint8]
 
 
 class MultiplierSource(Protocol):
     """Source of the monodromy matrices as functions of parameters."""
 
-    def matrices(self, points: NDArray[np.float64], progress: str | None = None) -> Matrices:
+    def matrices(self, points: Floats, progress: str | None = None) -> Matrices:
         """Return the matrices at parameter points (n, m)."""
 
 
@@ -61,12 +62,12 @@ class Seen:
     map is volume-preserving there.
     """
 
-    tests: NDArray[np.float64]
-    largest: NDArray[np.float64]
-    unstable: NDArray[np.int64]
+    tests: Floats
+    largest: Floats
+    unstable: Ints
     status: NDArray[np.uint8]
-    crossing: NDArray[np.int64]
-    conservative: NDArray[np.bool_]
+    crossing: Ints
+    conservative: Bools
 
     def turned(self, shape: tuple[int, int]) -> Seen:
         """Return the points of a grid column by column instead of row by row."""
@@ -80,7 +81,7 @@ class CrossingFunctions:
 
     source: MultiplierSource
 
-    def __call__(self, points: NDArray[np.float64], progress: str | None = None) -> Seen:
+    def __call__(self, points: Floats, progress: str | None = None) -> Seen:
         """Return the test functions at parameter points (n, m)."""
         seen = self.source.matrices(points, progress)
         matrices, excess = seen.matrices, seen.excess
@@ -111,21 +112,15 @@ class CrossingFunctions:
 class Found:
     """Critical values on lines of a scan, sorted by line and value; all arrays of shape (n,)."""
 
-    lines: NDArray[np.int64]
-    values: NDArray[np.float64]
-    crossing: NDArray[np.int64]
-    below: NDArray[np.int64]
-    above: NDArray[np.int64]
+    lines: Ints
+    values: Floats
+    crossing: Ints
+    below: Ints
+    above: Ints
 
 
 def crossings_on_lines(
-    tests: CrossingFunctions,
-    others: NDArray[np.float64],
-    place: int,
-    scan: NDArray[np.float64],
-    seen: Seen,
-    every: bool,
-    progress: str | None,
+    tests: CrossingFunctions, others: Floats, place: int, scan: Floats, seen: Seen, every: bool, progress: str | None
 ) -> Found:
     """Refine the critical values on all lines of a scan together.
 
@@ -140,10 +135,10 @@ def crossings_on_lines(
     functions[kept & (beside[:, 2:] | beside[:, :-2]), Crossing.NEIMARK_SACKER] = 1.0
     unstable = seen.unstable.reshape(lines, count)
 
-    def at(line: NDArray[np.int64], value: NDArray[np.float64]) -> Seen:
+    def at(line: Ints, value: Floats) -> Seen:
         return tests(np.insert(others[line], place, value, axis=1), progress)
 
-    def function(line: NDArray[np.int64], which: NDArray[np.int64]) -> Callable[..., NDArray[np.float64]]:
+    def function(line: Ints, which: Ints) -> Callable[..., Floats]:
         return lambda part, value: at(line[part], value).tests[np.arange(len(value)), which[part]]
 
     # Zeros between neighbours, and pairs of zeros around an extremum between three.
@@ -196,13 +191,11 @@ def crossings_on_lines(
     return Found(line[kept], roots[kept], which[kept], below[kept], above[kept])
 
 
-def _cells(scan: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.int64]:
+def _cells(scan: Floats, values: Floats) -> Ints:
     return np.clip(np.searchsorted(scan, values, side="right") - 1, 0, len(scan) - 2)
 
 
-def _beside(
-    at: Callable[..., Seen], line: NDArray[np.int64], roots: NDArray[np.float64], scan: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _beside(at: Callable[..., Seen], line: Ints, roots: Floats, scan: Floats) -> tuple[Ints, Ints]:
     """Return the numbers of unstable multipliers just below and above critical values, sorted by line."""
     if not len(roots):
         return np.empty(0, np.int64), np.empty(0, np.int64)
@@ -215,7 +208,7 @@ def _beside(
     return both[: len(roots)], both[len(roots) :]
 
 
-def _dips(functions: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def _dips(functions: Floats) -> tuple[Ints, Ints, Ints]:
     """Return where a test function of one sign comes near to zero between three neighbours: line, middle, which."""
     with np.errstate(all="ignore"):
         left, middle, right = (functions[:, k : functions.shape[1] - 2 + k] for k in range(3))

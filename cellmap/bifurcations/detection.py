@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Complexes, Floats, Ints
 from .._lib.computed import computed_once
 from ..maps.coordinates import wrap
 from ..orbits.arclength import ContinuationStep, SolutionPoint
@@ -44,8 +44,8 @@ class TestValues:
     function carries no information.
     """
 
-    tests: NDArray[np.float64]
-    multipliers: NDArray[np.complex128]
+    tests: Floats
+    multipliers: Complexes
 
     @computed_once
     def unstable(self) -> int:
@@ -57,7 +57,7 @@ class TestValues:
         """Whether the product of all multipliers is 1."""
         return _is_volume_preserving(self.multipliers)
 
-    def held(self, other: TestValues) -> NDArray[np.int64]:
+    def held(self, other: TestValues) -> Ints:
         """Return the number of factors (4,) that vanish in each test function here and elsewhere on the branch.
 
         A multiplier that holds at -1, or a pair that holds on the unit circle, tells nothing of the others.
@@ -65,16 +65,16 @@ class TestValues:
         return np.minimum(self.vanishing, other.vanishing)
 
     @computed_once
-    def vanishing(self) -> NDArray[np.int64]:
+    def vanishing(self) -> Ints:
         """Number of factors (4,) that vanish."""
         return np.array([np.count_nonzero(np.abs(factors) <= MARGIN) for factors in self.factors])
 
     @computed_once
-    def factors(self) -> list[NDArray[np.complex128]]:
+    def factors(self) -> list[Complexes]:
         """Factors of each test function, none of those that are no products over multipliers, the smallest first."""
         return [_factors_of(kind, self.multipliers) for kind in TESTS]
 
-    def without(self, held: NDArray[np.int64]) -> NDArray[np.float64]:
+    def without(self, held: Ints) -> Floats:
         """Return the test functions (4,) without a number of factors of each that vanish."""
         if not held.any():
             return self.tests
@@ -89,7 +89,7 @@ class TestValues:
         return not bool((np.abs(self.without(self.held(before))[compared]) > _SINGULAR).all())
 
     @computed_once
-    def informative(self) -> NDArray[np.bool_]:
+    def informative(self) -> Bools:
         """Which test functions carry information."""
         return np.array([kind is not BifurcationKind.NEIMARK_SACKER or not self.conservative for kind in TESTS])
 
@@ -100,7 +100,7 @@ class Detector:
 
     problem: OrbitProblem
 
-    def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
+    def multipliers(self, place: SolutionPoint) -> Complexes:
         """Return the multipliers at a solution point."""
         return self.problem.multipliers(place)
 
@@ -188,11 +188,11 @@ class Detector:
         collide = _is_volume_preserving(found) and self._is_complex(found)
         return BifurcationKind.NEIMARK_SACKER if collide else BifurcationKind.DEGENERATE
 
-    def _is_complex(self, multipliers: NDArray[np.complex128]) -> bool:
+    def _is_complex(self, multipliers: Complexes) -> bool:
         """Return whether the multipliers whose product is nearest to 1 are a complex pair."""
         return bool(abs(multipliers[list(pair_on_circle(multipliers))].imag).min() > _REAL)
 
-    def _is_continuum(self, unknowns: NDArray[np.float64], direction: NDArray[np.float64]) -> bool:
+    def _is_continuum(self, unknowns: Floats, direction: Floats) -> bool:
         """Return whether orbits at one parameter value fill a line, as they do not at a pitchfork."""
         sides = [self.problem(unknowns + length * direction)[0] for length in (-_BESIDE, _BESIDE)]
         return bool(np.abs(sides).max() < _ON_LINE)
@@ -233,16 +233,16 @@ class Detector:
         )
 
 
-def _is_volume_preserving(multipliers: NDArray[np.complex128]) -> bool:
+def _is_volume_preserving(multipliers: Complexes) -> bool:
     return bool(abs(abs(np.prod(multipliers)) - 1.0) < _KEPT)
 
 
-def signs(tests: NDArray[np.float64]) -> NDArray[np.int64]:
+def signs(tests: Floats) -> Ints:
     """Return the signs of test functions, 1 for 0."""
     return np.where(tests < 0.0, -1, 1)
 
 
-def _factors_of(kind: BifurcationKind, multipliers: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _factors_of(kind: BifurcationKind, multipliers: Complexes) -> Complexes:
     """Return the factors of a test function that is a product over multipliers, the smallest first."""
     if kind is BifurcationKind.PERIOD_DOUBLING:
         found = (multipliers + 1.0) / (1.0 + np.abs(multipliers))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import (
     claim_memory,
     finite_number,
@@ -77,16 +78,16 @@ class BifurcationDiagram(ConvertsToXarray, ConvertsToDataFrame):
 
     system: str
     parameter: str
-    values: NDArray[np.float64]
+    values: Floats
     directions: tuple[str, ...]
-    initial_conditions: NDArray[np.float64]
-    points: NDArray[np.float64]
+    initial_conditions: Floats
+    points: Floats
     status: NDArray[np.uint8]
-    restarted: NDArray[np.bool_]
-    period: NDArray[np.int64]
-    rotation_numbers: NDArray[np.float64]
-    exponents: NDArray[np.float64]
-    standard_errors: NDArray[np.float64]
+    restarted: Bools
+    period: Ints
+    rotation_numbers: Floats
+    exponents: Floats
+    standard_errors: Floats
     coordinates: tuple[Coordinate, ...]
     params: Mapping[str, float]
     settings: Mapping[str, Any]
@@ -101,13 +102,13 @@ class BifurcationDiagram(ConvertsToXarray, ConvertsToDataFrame):
         )
 
     @property
-    def chaotic(self) -> NDArray[np.bool_]:
+    def chaotic(self) -> Bools:
         """Orbits without a period whose largest exponent is significantly positive, shape (branches, n)."""
         with np.errstate(invalid="ignore"):
             return (self.period == 0) & is_positive(self.exponents[..., 0], self.standard_errors[..., 0])
 
     @checked
-    def measure(self, quantity: Quantity = 0, measure: str = "maximum") -> NDArray[np.float64]:
+    def measure(self, quantity: Quantity = 0, measure: str = "maximum") -> Floats:
         """Return a measure of each orbit: over its period, or over all recorded steps where it has none.
 
         Parameters
@@ -301,13 +302,8 @@ def bifurcation_diagram(
 
 
 def _periods(
-    points: NDArray[np.float64],
-    exact: PointMap,
-    smallest: NDArray[np.float64],
-    max_period: int,
-    tolerance: float,
-    alive: NDArray[np.bool_],
-) -> NDArray[np.int64]:
+    points: Floats, exact: PointMap, smallest: Floats, max_period: int, tolerance: float, alive: Bools
+) -> Ints:
     """Return the numbers of steps after which the second halves of orbits repeat; 0 for none.
 
     An orbit that comes in slowly, turning round or from side to side, seems to have a longer period than what it
@@ -336,9 +332,7 @@ def _periods(
     return period
 
 
-def _rotation_numbers(
-    recorded: Recorded, exact: PointMap, period: NDArray[np.int64], alive: NDArray[np.bool_]
-) -> NDArray[np.float64]:
+def _rotation_numbers(recorded: Recorded, exact: PointMap, period: Ints, alive: Bools) -> Floats:
     """Mean full rotations per step: over one period of a periodic orbit, else over all recorded steps."""
     turn = turns_of(exact.coordinates)[1]
     steps = np.where(period > 0, period, recorded.points.shape[2] - 1)
@@ -354,11 +348,11 @@ def _fill_exponents(
     exact: PointMap,
     swept: PointMap,
     name: str,
-    axis: NDArray[np.float64],
-    points: NDArray[np.float64],
-    period: NDArray[np.int64],
-    alive: NDArray[np.bool_],
-    spectrum: NDArray[np.float64],
+    axis: Floats,
+    points: Floats,
+    period: Ints,
+    alive: Bools,
+    spectrum: Floats,
 ) -> None:
     """Fill in exponents and standard errors (2, branches, n, d): derivatives of all orbits together."""
     periods, d = points.shape[2:]

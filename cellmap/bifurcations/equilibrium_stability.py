@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import affordable_number, claim_memory
 from .._lib.conversions import ConvertsToXarray
 from .._lib.signatures import checked
@@ -67,11 +68,11 @@ class Boundary:
         Number of unstable multipliers just below and above, in the direction of the refined parameter.
     """
 
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    crossing: NDArray[np.int64]
-    below: NDArray[np.int64]
-    above: NDArray[np.int64]
+    x: Floats
+    y: Floats
+    crossing: Ints
+    below: Ints
+    above: Ints
 
     def __len__(self) -> int:
         return len(self.x)
@@ -102,10 +103,10 @@ class StabilityMap(ConvertsToXarray):
     """
 
     parameters: tuple[str, str]
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    largest: NDArray[np.float64]
-    unstable: NDArray[np.int64]
+    x: Floats
+    y: Floats
+    largest: Floats
+    unstable: Ints
     status: NDArray[np.uint8]
     rows: Boundary
     columns: Boundary
@@ -281,7 +282,7 @@ def stability_map(
     )
 
 
-def _axis(label: str, given: tuple[str, ArrayLike]) -> tuple[str, NDArray[np.float64]]:
+def _axis(label: str, given: tuple[str, ArrayLike]) -> tuple[str, Floats]:
     try:
         name, values = given
     except (TypeError, ValueError):

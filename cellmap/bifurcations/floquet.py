@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._compiled.codegen.kernel import why_untraced
 from .._compiled.codegen.linear import LinearKernel, linear_kernel, values
+from .._lib.arrays import Complexes, Floats, Ints
 from .._lib.checks import claim_memory, finite_number, shown
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
@@ -47,9 +48,9 @@ class FloquetResult:
         A :class:`Status` of each parameter point.
     """
 
-    multipliers: NDArray[np.complex128]
-    monodromy: NDArray[np.float64]
-    determinant: NDArray[np.float64]
+    multipliers: Complexes
+    monodromy: Floats
+    determinant: Floats
     status: NDArray[np.uint8]
 
     def __repr__(self) -> str:
@@ -57,17 +58,17 @@ class FloquetResult:
         return f"FloquetResult({self.status.size} parameter points, {stable} without unstable multipliers)"
 
     @property
-    def largest(self) -> NDArray[np.float64]:
+    def largest(self) -> Floats:
         """Largest modulus of the multipliers, shape (...)."""
         return np.abs(self.multipliers[..., 0])
 
     @property
-    def unstable(self) -> NDArray[np.int64]:
+    def unstable(self) -> Ints:
         """Number of multipliers outside the unit circle by more than 1e-8, shape (...); -1 where they are not known."""
         return unstable_count(self.multipliers)
 
     @property
-    def error(self) -> NDArray[np.float64]:
+    def error(self) -> Floats:
         """Difference of the determinant of the matrix from Liouville's, relative to the size of the matrix.
 
         It checks the integration and is of the order of its tolerance.  Shape (...).
@@ -78,10 +79,7 @@ class FloquetResult:
 
 @checked
 def floquet_multipliers(
-    system: ForcedSystem,
-    equilibrium: ArrayLike,
-    params: Mapping[str, ArrayLike] | None = None,
-    rtol: float = 1e-10,
+    system: ForcedSystem, equilibrium: ArrayLike, params: Mapping[str, ArrayLike] | None = None, rtol: float = 1e-10
 ) -> FloquetResult:
     """Compute the Floquet multipliers of an equilibrium that is the same state at all parameter values.
 
@@ -166,7 +164,7 @@ class Linearised:
     """A system linearised about an equilibrium, as a function of some of its parameters."""
 
     system: ForcedSystem
-    equilibrium: NDArray[np.float64]
+    equilibrium: Floats
     swept: tuple[str, ...]
     compiled: LinearKernel
     rtol: float
@@ -177,14 +175,12 @@ class Linearised:
         return len(self.equilibrium)
 
     @property
-    def parameters(self) -> NDArray[np.float64]:
+    def parameters(self) -> Floats:
         """Parameters of the kernel: those of the system, and a period that is a number."""
         period = 1.0 if callable(self.system.period) else self.system.period
         return np.array([*self.system.params.values(), period])
 
-    def monodromy(
-        self, points: NDArray[np.float64], progress: str | None = None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]:
+    def monodromy(self, points: Floats, progress: str | None = None) -> tuple[Floats, Floats, NDArray[np.uint8]]:
         """Return monodromy matrices (n, d, d), logarithms of their determinants (n) and statuses (n).
 
         `points` (n, m) are values of the swept parameters.
@@ -220,12 +216,12 @@ class Linearised:
         matrices[lost], logarithms[lost] = np.nan, np.nan
         return matrices, logarithms, status
 
-    def matrices(self, points: NDArray[np.float64], progress: str | None = None) -> Matrices:
+    def matrices(self, points: Floats, progress: str | None = None) -> Matrices:
         """Return the monodromy matrices at parameter points (n, m)."""
         matrices, logarithms, status = self.monodromy(points, progress)
         return Matrices(matrices, np.exp(logarithms), np.expm1(logarithms), status)
 
-    def check(self, points: NDArray[np.float64]) -> None:
+    def check(self, points: Floats) -> None:
         """Raise ValueError where the state is no equilibrium, or the period is not that of the right-hand side."""
         extremes = {int(find(column)) for column in points.T for find in (np.argmin, np.argmax)} if len(points) else ()
         for k in sorted(extremes):
@@ -253,7 +249,7 @@ class Linearised:
                     "which the right-hand side vanishes at all times and for all these parameters"
                 )
 
-    def _fewest_steps(self, points: NDArray[np.float64]) -> int:
+    def _fewest_steps(self, points: Floats) -> int:
         """Return the steps without which a part of the forcing might be passed over, at some of the points."""
         if not len(points):
             return 1
@@ -297,7 +293,7 @@ def linearise(system: ForcedSystem, equilibrium: ArrayLike, swept: Sequence[str]
     return Linearised(system, state, tuple(swept), compiled, tolerance)
 
 
-def swept_values(name: str, given: ArrayLike) -> NDArray[np.float64]:
+def swept_values(name: str, given: ArrayLike) -> Floats:
     """Return values of a parameter as floats, all finite."""
     try:
         array = np.asarray(given, dtype=np.float64)

@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Complexes, Floats, Ints
 from .._lib.checks import shown, warn_caller
 from ..maps.coordinates import wrap
 from ..orbits.arclength import ContinuationStep, SolutionPoint, corrected
@@ -51,11 +51,11 @@ class FunctionZero:
     name: str
     function: OrbitFunction
     parameters: tuple[str, ...]
-    values: NDArray[np.float64]
-    point: NDArray[np.float64]
-    multipliers: NDArray[np.complex128]
+    values: Floats
+    point: Floats
+    multipliers: Complexes
     place: int
-    _unknowns: NDArray[np.float64] = field(repr=False)
+    _unknowns: Floats = field(repr=False)
     _problem: OrbitProblem = field(repr=False)
 
     @property
@@ -78,9 +78,7 @@ class FunctionZero:
         return f"FunctionZero({self.name} at {where})"
 
 
-def values_of(
-    orbits: OrbitProblem, names: tuple[str, ...], function: OrbitFunction, unknowns: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def values_of(orbits: OrbitProblem, names: tuple[str, ...], function: OrbitFunction, unknowns: Floats) -> Floats:
     """Return a function (n,) of the orbits given by unknowns (n, ...); NaN where these are not finite.
 
     Angles are differences to the value of the function the shorter way round.
@@ -106,10 +104,10 @@ class BranchPiece:
 
     problem: Any
     orbits: OrbitProblem
-    unknowns: NDArray[np.float64]
+    unknowns: Floats
     first: int = 0
 
-    def beyond(self, end: int, before: int) -> NDArray[np.float64]:
+    def beyond(self, end: int, before: int) -> Floats:
         """Return the solution one step further than the point `end`, NaN where there is none."""
         step = self.unknowns[end] - self.unknowns[before]
         place = corrected(self.problem, self.unknowns[end] + step, step / np.linalg.norm(step))
@@ -173,9 +171,9 @@ class _Search:
     piece: BranchPiece
     names: tuple[str, ...]
     function: OrbitFunction
-    own: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    own: Floats = field(default_factory=lambda: np.empty(0))
 
-    def value(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def value(self, unknowns: Floats) -> Floats:
         """Return the function (n,) at unknowns (n, ...); an angle that has extreme values is continuous."""
         function, exact = self.function, self.piece.orbits.point_map
         values = values_of(self.piece.orbits, self.names, function, unknowns)
@@ -191,13 +189,13 @@ class _Search:
         return _slope(self.value(np.array(known))) if len(known) == len(beside) else np.nan
 
     @property
-    def vanishing(self) -> NDArray[np.bool_]:
+    def vanishing(self) -> Bools:
         """Whether the function is rounding, (n,)."""
         level = np.abs(self.piece.unknowns * self.piece.orbits.scale).max()
         return np.abs(self.own) <= _ROUNDING * max(float(level), abs(self.function.value))
 
     @property
-    def stretches(self) -> NDArray[np.int64]:
+    def stretches(self) -> Ints:
         """Numbers of neighbouring points at which the function is zero, or rounding of either sign."""
         edges = np.flatnonzero(np.diff(np.concatenate([[False], self.vanishing, [False]]).astype(int)))
         found = [np.empty(0, np.int64)]
@@ -246,12 +244,12 @@ class _Search:
                 yield k - offset, number, place
 
 
-def _slope(beside: NDArray[np.float64]) -> float:
+def _slope(beside: Floats) -> float:
     """Return a derivative from values at distances -2, -1, 1 and 2."""
     return float((beside[0] - beside[3] + 8.0 * (beside[2] - beside[1])) / (12.0 * _SHIFT))
 
 
-def _turns(values: NDArray[np.float64], exact: bool) -> Iterator[int]:
+def _turns(values: Floats, exact: bool) -> Iterator[int]:
     """Return the numbers of steps on which a function, of points or integrated, may have an extreme value."""
     known = values[np.isfinite(values)]
     size, span = np.abs(known).max(initial=0.0), np.ptp(known) if len(known) else 0.0
@@ -280,19 +278,17 @@ class FunctionOrbits:
     unit: float = 1.0
 
     @classmethod
-    def at(
-        cls, orbits: OrbitProblem, names: tuple[str, str], zero: FunctionZero, unknowns: NDArray[np.float64]
-    ) -> FunctionOrbits:
+    def at(cls, orbits: OrbitProblem, names: tuple[str, str], zero: FunctionZero, unknowns: Floats) -> FunctionOrbits:
         """Set up the equations at a point of the curve."""
         found = cls(orbits, zero.name, names, zero.function)
         size = float(np.linalg.norm(found(unknowns)[1][-1]))
         return replace(found, unit=size if np.isfinite(size) and size > 0.0 else 1.0)
 
-    def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
+    def multipliers(self, place: SolutionPoint) -> Complexes:
         """Return the multipliers, by decreasing modulus."""
         return self.orbits.multipliers(replace(place, derivatives=place.derivatives[:-1]))
 
-    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def __call__(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Return residuals (n d + 1,) and their derivatives (n d + 1, n d + 2) at unknowns (n d + 2,)."""
         residual, slopes = self.orbits(unknowns)
         gap, matrix, place = residual, slopes, unknowns.copy()
@@ -321,7 +317,7 @@ class FunctionOrbits:
         gradient[-1] += by_across / across[-1]
         return np.append(residual, value), np.vstack([slopes, gradient])
 
-    def _tangents(self, slopes: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _tangents(self, slopes: Floats) -> tuple[Floats, Floats]:
         """Return unit vectors along the surface of orbits: with the second parameter fixed, and across it."""
         along = np.append(np.linalg.svd(slopes[:, :-1])[2][-1], 0.0)
         return along, np.linalg.svd(np.vstack([slopes, along]))[2][-1]

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.arrays import Complexes, Floats
 from .._lib.computed import computed_once
 
 Exponents = tuple[int, ...]
@@ -32,13 +33,13 @@ class Centre:
     the normal form that have a degree.
     """
 
-    right: NDArray[np.complex128]
-    left: NDArray[np.complex128]
-    linear: NDArray[np.complex128]
+    right: Complexes
+    left: Complexes
+    linear: Complexes
     resonant: Callable[[int], Sequence[Term]]
 
     @classmethod
-    def of(cls, matrices: NDArray[np.float64], values: Sequence[complex], close: float) -> Centre | None:
+    def of(cls, matrices: Floats, values: Sequence[complex], close: float) -> Centre | None:
         """Return the eigenspace of multipliers, complex ones with their conjugates; None where one is not simple.
 
         Terms are resonant whose multipliers differ by less than `close`, a multiplier is not simple if its unit
@@ -62,7 +63,7 @@ class Centre:
         return cls(np.stack(right, axis=-1).astype(complex), np.array(left, complex), np.diag(found), resonant)
 
     @classmethod
-    def real(cls, q: NDArray[np.float64], p: NDArray[np.float64], value: float) -> Centre:
+    def real(cls, q: Floats, p: Floats, value: float) -> Centre:
         """Return the eigenspace of a multiplier 1 or -1 with its eigenvectors along a cycle (n, d) and (d,)."""
 
         def resonant(degree: int) -> list[Term]:
@@ -71,7 +72,7 @@ class Centre:
         return cls(q[..., None].astype(complex), p[None].astype(complex), np.full((1, 1), complex(value)), resonant)
 
     @classmethod
-    def of_block(cls, matrices: NDArray[np.float64], value: float, terms: tuple[Term, ...]) -> Centre | None:
+    def of_block(cls, matrices: Floats, value: float, terms: tuple[Term, ...]) -> Centre | None:
         """Return the eigenspace of a double multiplier with one eigenvector; None where there is none."""
         (n, d), (q, p) = matrices.shape[:2], eigenvectors(matrices, value)
         if d < 2:
@@ -101,14 +102,14 @@ class Centre:
         """Whether there is no Jordan block."""
         return not np.triu(self.linear, 1).any()
 
-    def off(self, matrices: NDArray[np.float64]) -> float:
+    def off(self, matrices: Floats) -> float:
         """Return by how much the eigenspace of matrices (n, d, d) differs from this one."""
         following = np.roll(self.right, -1, axis=0)
         following[-1] = self.right[0] @ self.linear
         return float(np.abs(matrices @ self.right - following).max())
 
 
-def cycle_matrix(matrices: NDArray[np.float64], value: complex) -> NDArray[Any]:
+def cycle_matrix(matrices: Floats, value: complex) -> NDArray[Any]:
     """Return the matrix (n d, n d) of A_k x_k - x_(k+1), and A_n x_n - value x_1, of the derivatives A_k (n, d, d)."""
     n, d = matrices.shape[:2]
     whole = np.zeros((n, d, n, d), complex if isinstance(value, complex) and value.imag else float)
@@ -118,7 +119,7 @@ def cycle_matrix(matrices: NDArray[np.float64], value: complex) -> NDArray[Any]:
     return whole.reshape(n * d, n * d)
 
 
-def eigenvectors(matrices: NDArray[np.float64], value: complex) -> tuple[NDArray[Any], NDArray[Any]]:
+def eigenvectors(matrices: Floats, value: complex) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the right eigenvector along a cycle (n, d) and the left one (d,) at its first point.
 
     Both have length 1 there, and the first of the largest components of the former is positive.
@@ -131,7 +132,7 @@ def eigenvectors(matrices: NDArray[np.float64], value: complex) -> tuple[NDArray
     return q * abs(largest) / largest / np.linalg.norm(q[0]), p / np.linalg.norm(p)
 
 
-def normal_form_terms(tensors: tuple[NDArray[np.float64], ...], centre: Centre, order: int) -> dict[Term, complex]:
+def normal_form_terms(tensors: tuple[Floats, ...], centre: Centre, order: int) -> dict[Term, complex]:
     """Return the coefficients of the normal form up to an order, from derivatives A, B, ... (n, d, ...) along a cycle.
 
     The centre manifolds H_k(w) at the points of the cycle and the normal form G(w) satisfy F_k(H_k(w)) = H_(k+1)(w), at

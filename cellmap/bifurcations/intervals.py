@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from .._lib.arrays import Floats
 from .._lib.checks import finite_number, pair_of, whole_number
 
 
@@ -34,7 +32,7 @@ def interval_between(
     return low, high
 
 
-def spans(parameters: tuple[str, ...], values: NDArray[np.float64]) -> str:
+def spans(parameters: tuple[str, ...], values: Floats) -> str:
     """Return the intervals of the parameters in which values (n, m) lie, in words."""
     columns = zip(parameters, values.T, strict=True)
     return ", ".join(f"{name} from {column.min():.6g} to {column.max():.6g}" for name, column in columns)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from ..maps.coordinates import Coordinate, difference
 from ..maps.point_map import PointMap
 from ..orbits.ellipsoids import directions, displaced, eigenvector_metrics, summed_metric
@@ -20,11 +20,11 @@ _SHELLS = 2.0 ** np.arange(-7.0, 1.0)  # half-widths of ellipsoids that are test
 class Regions:
     """Ellipsoids, one a row, sorted by parameter point: ``(x - centre) @ metric @ (x - centre) <= 1``."""
 
-    place: NDArray[np.int64]
-    owner: NDArray[np.int64]
-    centre: NDArray[np.float64]
-    metric: NDArray[np.float64]
-    first: NDArray[np.int64]
+    place: Ints
+    owner: Ints
+    centre: Floats
+    metric: Floats
+    first: Ints
 
     @classmethod
     def empty(cls, d: int) -> Regions:
@@ -41,19 +41,17 @@ class Regions:
         first = np.searchsorted(place[order], np.arange(places + 1))
         return Regions(place[order], owner[order], centre[order], metric[order], first)
 
-    def has_any(self, owners: int) -> NDArray[np.bool_]:
+    def has_any(self, owners: int) -> Bools:
         """Return which owners have an ellipsoid."""
         return np.bincount(self.owner, minlength=owners) > 0
 
-    def renumbered(self, kept: NDArray[np.int64], owners: int) -> Regions:
+    def renumbered(self, kept: Ints, owners: int) -> Regions:
         """Return the regions with the numbers that their owners have among those that are kept."""
         number = np.full(owners, -1)
         number[kept] = np.arange(len(kept))
         return Regions(self.place, number[self.owner], self.centre, self.metric, self.first)
 
-    def owners(
-        self, points: NDArray[np.float64], place: NDArray[np.int64], coordinates: Sequence[Coordinate]
-    ) -> NDArray[np.int64]:
+    def owners(self, points: Floats, place: Ints, coordinates: Sequence[Coordinate]) -> Ints:
         """Return the owner of the first ellipsoid that holds each point (n, d) of a parameter point; -1 for none."""
         found = np.full(len(points), -1)
         if not len(self.place):
@@ -71,12 +69,7 @@ class Regions:
 
 
 def regions_around(
-    swept: PointMap,
-    orbit: NDArray[np.float64],
-    matrices: NDArray[np.float64],
-    period: NDArray[np.int64],
-    place: NDArray[np.int64],
-    extent: NDArray[np.float64],
+    swept: PointMap, orbit: Floats, matrices: Floats, period: Ints, place: Ints, extent: Floats
 ) -> Regions:
     """Return ellipsoids around all points of attracting periodic orbits, each as large as it is seen to contract.
 
@@ -114,12 +107,7 @@ def regions_around(
     return Regions(place[owner[kept]], owner[kept], centre[kept, :d], within[kept] / radii**2, kept)
 
 
-def monodromy_of(
-    matrices: NDArray[np.float64],
-    period: NDArray[np.int64],
-    rows: NDArray[np.int64],
-    phase: int | NDArray[np.int64] = 0,
-) -> NDArray[np.float64]:
+def monodromy_of(matrices: Floats, period: Ints, rows: Ints, phase: int | Ints = 0) -> Floats:
     """Return the products (m, d, d) around orbits, from a phase on, of rows (m,) of matrices (n, most, d, d)."""
     rounds, total = period[rows], np.broadcast_to(np.eye(matrices.shape[-1]), matrices[rows, 0].shape)
     for k in range(matrices.shape[1]):
@@ -127,7 +115,7 @@ def monodromy_of(
     return total
 
 
-def _metrics(matrices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _metrics(matrices: Floats) -> tuple[Floats, Floats]:
     """Return metrics (n, d, d) in which matrices contract, and the factors (n,)."""
     modulus = np.abs(np.linalg.eigvals(matrices)).max(axis=-1)
     metrics, good = eigenvector_metrics(matrices)

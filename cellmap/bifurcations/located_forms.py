@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from ..maps.multilinear import MultilinearForms, multilinear_forms
 from ..maps.point_map import PointMap
 from ..orbits.orbit_equations import OrbitProblem
@@ -23,7 +23,7 @@ _LOCATION = 5e-16  # error of the unknowns, in natural sizes
 _DISPLACEMENT = 1e-6  # the same, by which derivatives are compared
 _DEFICIENT = 1e-6  # singular value of the equations at a branch point
 
-Tensors = tuple[NDArray[np.float64], ...]
+Tensors = tuple[Floats, ...]
 Function = Callable[[Tensors], Any]
 
 
@@ -35,18 +35,16 @@ class LocatedForms:
     """
 
     forms: MultilinearForms
-    sizes: NDArray[np.float64]
+    sizes: Floats
 
     @classmethod
-    def at(
-        cls, point_map: PointMap, point: NDArray[np.float64], period: int, sizes: NDArray[np.float64], order: int = 3
-    ) -> LocatedForms:
+    def at(cls, point_map: PointMap, point: Floats, period: int, sizes: Floats, order: int = 3) -> LocatedForms:
         """Return the derivatives at a point that is known exactly."""
         found = multilinear_forms(point_map, point[None], period, sizes, order=order)
         return cls(replace(found, tensors=tuple(t[:, :, None] for t in found.tensors)), sizes)
 
     @classmethod
-    def of(cls, problem: OrbitProblem, unknowns: NDArray[np.float64], order: int = 3) -> LocatedForms:
+    def of(cls, problem: OrbitProblem, unknowns: Floats, order: int = 3) -> LocatedForms:
         """Return the derivatives at unknowns (n d + m,) of an orbit problem, which have been located with an error.
 
         One further step of Newton's method is made first.
@@ -73,7 +71,7 @@ class LocatedForms:
         rng, scatter = np.random.default_rng(0), list[Any]()
         for _ in range(_TRIALS):
             moved = rng.standard_normal(self.forms.linear.shape[1] - 1) * _LOCATION / _DISPLACEMENT
-            disturbed = list[NDArray[np.float64]]()
+            disturbed = list[Floats]()
             for both in self.forms.tensors:
                 tensor, others = both[0, 0], both[0, 1:]
                 apart = float(np.sqrt(np.mean((tensor - both[1, 0]) ** 2)))
@@ -85,9 +83,7 @@ class LocatedForms:
         return np.where(np.isfinite(error), error, np.inf)[()]
 
 
-def forms_along(
-    problem: OrbitProblem, states: NDArray[np.float64], order: int = 3, once: bool = False
-) -> MultilinearForms:
+def forms_along(problem: OrbitProblem, states: Floats, order: int = 3, once: bool = False) -> MultilinearForms:
     """Return the derivatives (2, k, n, d, d, ...) from each state (k, n, d + m) of some cycles to the next one."""
     (number, nodes, width), count, sizes = states.shape, problem.divisions, problem.scale[: problem.dimension]
     periods = problem.period * count // nodes
@@ -96,7 +92,7 @@ def forms_along(
         multilinear_forms(problem.swept, some, periods, sizes, once, order, part=(k, count))
         for k, some in enumerate(places)
     ]
-    tensors = list[NDArray[np.float64]]()
+    tensors = list[Floats]()
     for of_order in zip(*(part.tensors for part in parts), strict=True):
         apart = [t.reshape(len(t), number, nodes // count, *t.shape[2:]) for t in of_order]
         tensors.append(np.stack(apart, axis=3).reshape(len(apart[0]), number, nodes, *of_order[0].shape[2:]))

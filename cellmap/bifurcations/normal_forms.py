@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Complexes, Floats
 from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import state_points
@@ -73,8 +74,8 @@ class NormalForm:
     imaginary: float
     error: float
     criticality: Criticality
-    eigenvector: NDArray[np.complex128]
-    adjoint: NDArray[np.complex128]
+    eigenvector: Complexes
+    adjoint: Complexes
     exact: bool
 
     def __repr__(self) -> str:
@@ -132,7 +133,7 @@ def normal_form(point_map: PointMap, point: ArrayLike, kind: BifurcationKind, pe
     return found
 
 
-def form_at(problem: OrbitProblem, unknowns: NDArray[np.float64], kind: BifurcationKind) -> NormalForm | None:
+def form_at(problem: OrbitProblem, unknowns: Floats, kind: BifurcationKind) -> NormalForm | None:
     """Return the normal form at unknowns (d + m,) of an orbit problem; None for a kind that has none."""
     return _form(LocatedForms.of(problem, unknowns), kind) if kind in _FORMS else None
 
@@ -153,13 +154,11 @@ class Reduction:
     kind: BifurcationKind
     coefficient: complex
     off: float
-    right: NDArray[np.complex128]
-    left: NDArray[np.complex128]
+    right: Complexes
+    left: Complexes
 
     @classmethod
-    def of(
-        cls, kind: BifurcationKind, forms: tuple[NDArray[np.float64], ...], sizes: NDArray[np.float64]
-    ) -> Reduction | None:
+    def of(cls, kind: BifurcationKind, forms: tuple[Floats, ...], sizes: Floats) -> Reduction | None:
         """Reduce a map with the derivatives A, B, C (n, d, ...) along a cycle; None without a complex pair."""
         matrices = forms[0]
         critical = -1.0 + 0.0j if kind is BifurcationKind.PERIOD_DOUBLING else 1.0 + 0.0j
@@ -185,7 +184,7 @@ class Reduction:
     def finished(self, located: LocatedForms) -> NormalForm:
         """Return the normal form, with the error that follows from those of the derivatives of the map."""
 
-        def again(disturbed: tuple[NDArray[np.float64], ...]) -> complex:
+        def again(disturbed: tuple[Floats, ...]) -> complex:
             found = Reduction.of(self.kind, disturbed, located.sizes)
             return complex(np.nan) if found is None else found.coefficient
 
@@ -213,7 +212,7 @@ class Reduction:
         )
 
 
-def coefficient(kind: BifurcationKind, forms: tuple[NDArray[np.float64], ...], centre: Centre) -> complex:
+def coefficient(kind: BifurcationKind, forms: tuple[Floats, ...], centre: Centre) -> complex:
     """Return the coefficient of the normal form of a map with the derivatives A, B, C along a cycle."""
     order, pair = (2 if _FORMS[kind] == "quadratic" else 3), kind is BifurcationKind.NEIMARK_SACKER
     value = normal_form_terms(forms[:order], centre, order)[0, (2, 1) if pair else (order,)]

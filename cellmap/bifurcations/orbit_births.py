@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Complexes, Floats
 from ..orbits.arclength import SolutionPoint, continuation_steps, corrected
 from ..orbits.multipliers import multipliers_of, pair_on_circle, pairs_beside_one
 from ..orbits.orbit_equations import OrbitProblem
@@ -34,13 +34,13 @@ class OrbitBirth:
     name: str
     orbits: OrbitProblem
     half: OrbitProblem | None
-    origin: NDArray[np.float64]
-    right: NDArray[np.complex128]
-    left: NDArray[np.complex128]
-    along: NDArray[np.float64]
+    origin: Floats
+    right: Complexes
+    left: Complexes
+    along: Floats
 
     @classmethod
-    def at(cls, name: str, old: SingularOrbits, origin: NDArray[np.float64], times: int) -> OrbitBirth | None:
+    def at(cls, name: str, old: SingularOrbits, origin: Floats, times: int) -> OrbitBirth | None:
         """Return the birth of orbits of some times the period of an orbit on a curve; None where it is not found."""
         matrix, d = old.orbits.factors(old.orbits(origin)[1])[0], old.orbits.dimension
         critical = {1: 1.0, 2: -1.0, 4: 1j}[times]
@@ -60,7 +60,7 @@ class OrbitBirth:
             along=place.tangent,
         )
 
-    def distance(self, unknowns: NDArray[np.float64]) -> tuple[complex, NDArray[np.complex128]]:
+    def distance(self, unknowns: Floats) -> tuple[complex, Complexes]:
         """Return the distance w of a new orbit from the old one, and its derivatives (d + 2,)."""
         if self.half is None:
             d = len(self.left)
@@ -145,7 +145,7 @@ class OrbitBirth:
         """Whether the critical multiplier is complex."""
         return bool(np.abs(self.right.imag).max() > 0.0)
 
-    def _matrix(self, place: SolutionPoint) -> NDArray[np.float64]:
+    def _matrix(self, place: SolutionPoint) -> Floats:
         d = len(self.left)
         return place.derivatives[:d, :d] + np.eye(d)
 
@@ -167,7 +167,7 @@ class _OrbitsAtDistance:
     birth: OrbitBirth
     distance: float
 
-    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def __call__(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Return residuals (d + 1,) and their derivatives (d + 1, d + 2) at unknowns (d + 2,)."""
         residual, slopes = self.birth.orbits(unknowns)
         w, change = self.birth.distance(unknowns)

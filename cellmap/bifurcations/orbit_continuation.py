@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Floats
 from .._lib.checks import finite_points
 from .._lib.signatures import checked
 from ..maps.point_map import PointMap
@@ -212,7 +213,7 @@ def _in_segments(tracer: BranchTracer, start: SolutionPoint, divided: Sequence[i
     return pieces
 
 
-def _at_a_fold(problem: OrbitProblem, unknowns: NDArray[np.float64]) -> SolutionPoint:
+def _at_a_fold(problem: OrbitProblem, unknowns: Floats) -> SolutionPoint:
     """Return the place of a given solution whose parameter cannot be held fixed."""
     derivatives = problem(unknowns)[1]
     direction = np.linalg.svd(derivatives)[2][-1]

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import claim_memory, known_parameter
 from .._lib.threads import progress_bar, run_over, slices
 from ..maps.coordinates import difference
@@ -32,16 +32,16 @@ class FollowedOrbit:
     """An orbit at the points of a grid (ny, nx) of two parameters."""
 
     problem: OrbitProblem
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
+    x: Floats
+    y: Floats
     _grid: _Solved = field(repr=False)
 
     @property
-    def states(self) -> NDArray[np.float64]:
+    def states(self) -> Floats:
         """States of the orbit, shape (ny, nx, d)."""
         return self._grid.states
 
-    def matrices(self, points: NDArray[np.float64], progress: str | None = None) -> Matrices:
+    def matrices(self, points: Floats, progress: str | None = None) -> Matrices:
         """Return the monodromy matrices at parameter points (n, 2), from the orbit at the nearest point."""
         columns, rows = (
             np.searchsorted(0.5 * (axis[1:] + axis[:-1]), values)
@@ -70,12 +70,12 @@ class _Solved:
     NaN where there is no orbit.
     """
 
-    states: NDArray[np.float64]
-    matrices: NDArray[np.float64]
-    drifts: NDArray[np.float64]
+    states: Floats
+    matrices: Floats
+    drifts: Floats
 
     @property
-    def sides(self) -> NDArray[np.float64]:
+    def sides(self) -> Floats:
         """Signs of det(M - I), different on branches that cross or lie side by side; 0 where there is no orbit."""
         known = np.asarray(np.isfinite(self.matrices).all(axis=(-2, -1)))
         unit = np.eye(self.states.shape[-1])
@@ -88,15 +88,13 @@ class _Solved:
         self.states[part], self.matrices[part], self.drifts[part] = other.states, other.matrices, other.drifts
 
 
-def _solve(problem: OrbitProblem, guesses: NDArray[np.float64], values: NDArray[np.float64]) -> _Solved:
+def _solve(problem: OrbitProblem, guesses: Floats, values: Floats) -> _Solved:
     """Return the orbits near guesses (n, d) at parameters (n, m)."""
     n, d, m = len(guesses), problem.dimension, values.shape[-1]
     scale, spans = problem.scale[:d], problem.scale[d:]
     given = values / spans
 
-    def equations(
-        rows: NDArray[np.int64], states: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def equations(rows: Ints, states: Floats) -> tuple[Floats, Floats]:
         residual, slopes = problem(np.concatenate([states, given[rows]], axis=-1))
         return residual, slopes[..., :d]
 
@@ -114,9 +112,7 @@ def _solve(problem: OrbitProblem, guesses: NDArray[np.float64], values: NDArray[
     return found
 
 
-def _repeat_themselves(
-    problem: OrbitProblem, states: NDArray[np.float64], values: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _repeat_themselves(problem: OrbitProblem, states: Floats, values: Floats) -> Bools:
     """Return which orbits have a shorter period: a doubled orbit's parent solves its equations too."""
     repeated = np.zeros(len(states), bool)
     rows = np.flatnonzero(np.isfinite(states).all(axis=-1)) if problem.period > 1 else np.empty(0, np.int64)
@@ -131,9 +127,7 @@ def _repeat_themselves(
     return repeated
 
 
-def _one_step(
-    problem: OrbitProblem, begin: _Solved, before: NDArray[np.float64], after: NDArray[np.float64]
-) -> _Solved:
+def _one_step(problem: OrbitProblem, begin: _Solved, before: Floats, after: Floats) -> _Solved:
     """Return the orbits at parameters `after` (n, m) where they are as foreseen from `before`, and on the same side."""
     foreseen = np.einsum("nij,nj->ni", begin.drifts, after - before)
     found = _solve(problem, begin.states + foreseen, after)
@@ -142,9 +136,7 @@ def _one_step(
     return found
 
 
-def _as_foreseen(
-    problem: OrbitProblem, begin: _Solved, end: _Solved, foreseen: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _as_foreseen(problem: OrbitProblem, begin: _Solved, end: _Solved, foreseen: Floats) -> Bools:
     scale = problem.scale[: problem.dimension]
     with np.errstate(invalid="ignore"):
         wrong = np.abs((end.states - begin.states - foreseen) / scale).max(axis=-1)
@@ -152,7 +144,7 @@ def _as_foreseen(
 
 
 def _several_steps(
-    problem: OrbitProblem, begin: _Solved, before: NDArray[np.float64], after: NDArray[np.float64], longest: float = 1.0
+    problem: OrbitProblem, begin: _Solved, before: Floats, after: Floats, longest: float = 1.0
 ) -> _Solved:
     """Return the orbits at parameters `after` (n, m) to which those at `before` lead, in steps that are short enough.
 
@@ -179,9 +171,7 @@ def _several_steps(
     return here
 
 
-def _follow_one_branch(
-    problem: OrbitProblem, begin: _Solved, before: NDArray[np.float64], after: NDArray[np.float64]
-) -> _Solved:
+def _follow_one_branch(problem: OrbitProblem, begin: _Solved, before: Floats, after: Floats) -> _Solved:
     """Follow orbits; where branches seem to cross on the way, again in steps short enough to stay on one branch."""
     found = _several_steps(problem, begin, before, after)
     crossed = np.flatnonzero(begin.sides * found.sides < 0.0)
@@ -194,8 +184,8 @@ def follow_over(
     point_map: PointMap,
     orbit: PeriodicOrbit | Attractor,
     names: tuple[str, str],
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
+    x: Floats,
+    y: Floats,
     progress: str | None,
 ) -> FollowedOrbit:
     """Follow an orbit from its own parameters over a grid, from each point to its neighbours.
@@ -254,7 +244,7 @@ def follow_over(
     return FollowedOrbit(problem, x, y, grid)
 
 
-def _links(front: NDArray[np.int64], known: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _links(front: Ints, known: Bools) -> Ints:
     """Return pairs (n, 2, 2) of a place of a front and an unknown one next to it, every such place once."""
     links = []
     for move in np.array([[0, 1], [0, -1], [1, 0], [-1, 0]]):

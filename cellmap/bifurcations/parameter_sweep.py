@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.threads import progress_bar, run_over, slices
 from ..maps.coordinates import wrap
 from ..maps.orbit_batch import CHUNK, Orbits
@@ -19,10 +20,10 @@ _SLICE = CHUNK // 16
 class Recorded:
     """Orbits at values of a parameter: points and full rotations (branches, n, periods, d), the rest (branches, n)."""
 
-    points: NDArray[np.float64]
-    rotations: NDArray[np.int64]
+    points: Floats
+    rotations: Ints
     status: NDArray[np.uint8]
-    restarted: NDArray[np.bool_]
+    restarted: Bools
 
     @classmethod
     def empty(cls, branches: int, n: int, periods: int, d: int) -> Recorded:
@@ -32,14 +33,7 @@ class Recorded:
             np.full(shape, np.nan), np.zeros(shape, np.int64), *(np.zeros((branches, n), t) for t in (np.uint8, bool))
         )
 
-    def run(
-        self,
-        swept: PointMap,
-        states: NDArray[np.float64],
-        rows: NDArray[np.int64],
-        columns: NDArray[np.int64],
-        transient: int,
-    ) -> NDArray[np.float64]:
+    def run(self, swept: PointMap, states: Floats, rows: Ints, columns: Ints, transient: int) -> Floats:
         """Run orbits from states (m, d + 1), keep them at places (row, column), and return where they end."""
         d = self.points.shape[-1]
         orbits = Orbits.starting(states.copy())
@@ -55,12 +49,7 @@ class Recorded:
 
 
 def record_each(
-    swept: PointMap,
-    axis: NDArray[np.float64],
-    initial_conditions: NDArray[np.float64],
-    transient: int,
-    recorded: Recorded,
-    label: str | None,
+    swept: PointMap, axis: Floats, initial_conditions: Floats, transient: int, recorded: Recorded, label: str | None
 ) -> None:
     """Run every initial condition at every parameter value."""
     rows, columns = (index.ravel() for index in np.indices((len(initial_conditions), axis.size)))
@@ -74,10 +63,10 @@ def record_each(
 
 def record_followed(
     swept: PointMap,
-    axis: NDArray[np.float64],
-    initial_conditions: NDArray[np.float64],
+    axis: Floats,
+    initial_conditions: Floats,
     directions: tuple[str, ...],
-    shift: NDArray[np.float64],
+    shift: Floats,
     transient: int,
     recorded: Recorded,
     label: str | None,

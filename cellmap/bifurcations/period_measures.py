@@ -9,10 +9,10 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._compiled.codegen.rebind import over_arrays
 from .._compiled.codegen.trace import parameter_record
+from .._lib.arrays import Complexes, Floats
 from .._lib.checks import finite_number, one_of, shown
 from ..maps.parameters_as_states import swept_map
 from ..maps.poincare import Section, SectionMap
@@ -101,13 +101,13 @@ def as_functions(given: Mapping[str, Quantity | OrbitFunction] | None) -> dict[s
 def measured(
     point_map: PointMap,
     names: tuple[str, ...],
-    values: NDArray[np.float64],
-    points: NDArray[np.float64],
+    values: Floats,
+    points: Floats,
     period: int,
     quantity: Quantity,
     measure: str | None,
     finest: float = np.inf,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return a measure (n,) of orbits through points (n, d) at values (n, m) of some parameters.
 
     The states within a period are integrated at equal distances in time, at more of them until the harmonics of the
@@ -161,7 +161,7 @@ def measured(
         if samples == _MOST_SAMPLES:
             left &= rough
 
-            def value(t: Any, x: Any, n: tuple[str, ...] = names, v: Any = values[rows[left]]) -> NDArray[np.float64]:
+            def value(t: Any, x: Any, n: tuple[str, ...] = names, v: Any = values[rows[left]]) -> Floats:
                 return _quantity(point_map, n, v, t, x, quantity)
 
             result[rows[left]] = _of_samples(chosen, signals[left], times[:, left], states[:, left], value)
@@ -171,12 +171,8 @@ def measured(
 
 
 def _of_samples(
-    measure: PeriodMeasure,
-    signals: NDArray[np.float64],
-    times: NDArray[np.float64],
-    states: NDArray[np.float64],
-    value: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]],
-) -> NDArray[np.float64]:
+    measure: PeriodMeasure, signals: Floats, times: Floats, states: Floats, value: Callable[[Floats, Floats], Floats]
+) -> Floats:
     """Return a measure (n,) of signals (n, times) with jumps or kinks, whose extreme values are values that they take.
 
     Those are looked for between the samples beside the best one, with states from polynomials through five samples.
@@ -186,7 +182,7 @@ def _of_samples(
         return np.asarray(mean if measure is PeriodMeasure.MEAN else np.sqrt(mean))
     each = np.arange(len(signals))
 
-    def largest(sign: float) -> NDArray[np.float64]:
+    def largest(sign: float) -> Floats:
         best = np.argmax(sign * signals, axis=1)
         high, place, width = sign * signals[each, best], best.astype(float), 1.0
         for _ in range(_ZOOMS):
@@ -202,9 +198,7 @@ def _of_samples(
     return high if measure is PeriodMeasure.MAXIMUM else low
 
 
-def _between(
-    times: NDArray[np.float64], states: NDArray[np.float64], places: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _between(times: Floats, states: Floats, places: Floats) -> tuple[Floats, Floats]:
     """Return times and states at places (k, n) between samples (count, n, ...), by polynomials through five of them."""
     centre = np.clip(np.rint(places).astype(int), 2, len(states) - 3)
     at, nodes = places - centre, range(-2, 3)
@@ -216,13 +210,8 @@ def _between(
 
 
 def measured_along(
-    point_map: PointMap,
-    names: tuple[str, ...],
-    values: NDArray[np.float64],
-    points: NDArray[np.float64],
-    quantity: Quantity,
-    measure: str,
-) -> NDArray[np.float64]:
+    point_map: PointMap, names: tuple[str, ...], values: Floats, points: Floats, quantity: Quantity, measure: str
+) -> Floats:
     """Return a measure (n,) over all steps that are recorded of orbits (n, steps, d) that need not return.
 
     Extreme values are those of parabolas through neighbouring samples.  NaN for maps of first returns, whose steps are
@@ -253,12 +242,12 @@ def turn_of(point_map: PointMap, quantity: Quantity, measure: str | None) -> flo
     return next((c.period or 0.0 for c in axes if c.name == chosen), 0.0)
 
 
-def shorter(differences: NDArray[np.float64], turn: float) -> NDArray[np.float64]:
+def shorter(differences: Floats, turn: float) -> Floats:
     """Return differences of angles the shorter way round."""
     return differences - turn * np.round(differences / turn) if turn else differences
 
 
-def unwrapped(values: NDArray[np.float64], turn: float) -> NDArray[np.float64]:
+def unwrapped(values: Floats, turn: float) -> Floats:
     """Return angles (n,) along a branch, each next to the one before it that is known."""
     known = np.isfinite(values)
     if turn and known.any():
@@ -267,7 +256,7 @@ def unwrapped(values: NDArray[np.float64], turn: float) -> NDArray[np.float64]:
     return values
 
 
-def _size(signals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _size(signals: Floats) -> Floats:
     size = np.abs(signals).max(axis=1, initial=0.0)
     return np.where(size > 0.0, size, 1.0)
 
@@ -275,13 +264,13 @@ def _size(signals: NDArray[np.float64]) -> NDArray[np.float64]:
 def _signals(
     point_map: PointMap,
     names: tuple[str, ...],
-    values: NDArray[np.float64],
-    points: NDArray[np.float64],
+    values: Floats,
+    points: Floats,
     period: int,
     quantity: Quantity,
     samples: int,
     finest: float = np.inf,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the quantity (n, times + 1) from the beginning of the period of orbits to its end."""
     times, states = _motion(point_map, names, values, points, period, samples, finest)
     return _quantity(point_map, names, values, times, states, quantity)
@@ -290,12 +279,12 @@ def _signals(
 def _motion(
     point_map: PointMap,
     names: tuple[str, ...],
-    values: NDArray[np.float64],
-    points: NDArray[np.float64],
+    values: Floats,
+    points: Floats,
     period: int,
     samples: int,
     finest: float = np.inf,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Return times (times + 1, n) from the beginning of the period of orbits to its end, and states there."""
     exact = point_map.without_table
     spec, d = exact.spec, exact.dimension
@@ -328,13 +317,8 @@ def _motion(
 
 
 def _quantity(
-    point_map: PointMap,
-    names: tuple[str, ...],
-    values: NDArray[np.float64],
-    times: NDArray[np.float64],
-    states: NDArray[np.float64],
-    quantity: Quantity,
-) -> NDArray[np.float64]:
+    point_map: PointMap, names: tuple[str, ...], values: Floats, times: Floats, states: Floats, quantity: Quantity
+) -> Floats:
     """Return a quantity (n, times) of states (times, n, ...), with all coordinates of a system, at times (times, n)."""
     exact = point_map.without_table
     spec, d = exact.spec, exact.dimension
@@ -395,7 +379,7 @@ def _cycles(spec: Section, names: tuple[str, ...], samples: int, finest: float) 
     return swept.build(), Sampler(strobe, samples)
 
 
-def _on_section(spec: Any, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _on_section(spec: Any, points: Floats) -> Floats:
     """Return points (n, d) with the coordinate that is constant on a section."""
     if not isinstance(spec, Section):
         return points
@@ -407,13 +391,13 @@ def _is_flow(point_map: PointMap) -> bool:
     return isinstance(point_map.without_table.spec, Stroboscopic | Section)
 
 
-def _parameters(exact: PointMap, names: tuple[str, ...], values: NDArray[np.float64]) -> Any:
+def _parameters(exact: PointMap, names: tuple[str, ...], values: Floats) -> Any:
     """Return the named tuple of parameters, of which some are arrays (n,)."""
     given = dict(exact.params) | dict(zip(names, values.T, strict=True))
     return parameter_record(tuple(given))(*given.values())
 
 
-def _lengths(point_map: PointMap, names: tuple[str, ...], values: NDArray[np.float64]) -> Any:
+def _lengths(point_map: PointMap, names: tuple[str, ...], values: Floats) -> Any:
     """Return the periods (n,) of a stroboscopic map, or 1."""
     spec = point_map.without_table.spec
     period: Any = spec.system.period if isinstance(spec, Stroboscopic) else 1.0
@@ -425,13 +409,11 @@ def _finer(spec: Stroboscopic, finest: float) -> Stroboscopic:
     return replace(spec, rtol=min(spec.rtol, finest), atol=atol)
 
 
-def _at(system: ForcedSystem, names: tuple[str, ...], values: NDArray[np.float64]) -> ForcedSystem:
+def _at(system: ForcedSystem, names: tuple[str, ...], values: Floats) -> ForcedSystem:
     return system.with_params(**dict(zip(names, values.tolist(), strict=True)))
 
 
-def _reduced(
-    measure: PeriodMeasure, signals: NDArray[np.float64], harmonics: NDArray[np.complex128] | None, point_map: PointMap
-) -> NDArray[np.float64]:
+def _reduced(measure: PeriodMeasure, signals: Floats, harmonics: Complexes | None, point_map: PointMap) -> Floats:
     """Return a measure (n,) of signals (n, times); without harmonics they do not return."""
     smooth = _is_flow(point_map)
     if measure in {PeriodMeasure.MEAN, PeriodMeasure.NORM}:
@@ -441,7 +423,7 @@ def _reduced(
         mean = np.asarray(means.mean(axis=1))
         return mean if measure is PeriodMeasure.MEAN else np.sqrt(mean)
 
-    def largest(sign: float) -> NDArray[np.float64]:
+    def largest(sign: float) -> Floats:
         if not smooth:
             return np.asarray((sign * signals).max(axis=1))
         return _of_parabola(sign * signals) if harmonics is None else _largest(sign * signals, sign * harmonics)
@@ -452,7 +434,7 @@ def _reduced(
     return np.asarray(high if measure is PeriodMeasure.MAXIMUM else low)
 
 
-def _of_parabola(signals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _of_parabola(signals: Floats) -> Floats:
     """Return the largest values (n,) of signals (n, times), from parabolas through three samples."""
     place = np.argmax(signals[:, 1:-1], axis=1)
     before, here, after = (signals[np.arange(len(signals)), place + k] for k in range(3))
@@ -460,14 +442,14 @@ def _of_parabola(signals: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.maximum(signals.max(axis=1), here + (after - before) ** 2 / np.where(bend > 0.0, 8.0 * bend, np.inf))
 
 
-def _largest(signals: NDArray[np.float64], harmonics: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _largest(signals: Floats, harmonics: Complexes) -> Floats:
     """Return the largest values (n,) of trigonometric polynomials, from values at their nodes and coefficients."""
     count, orders = signals.shape[1], np.arange(harmonics.shape[1])
     weights = np.where((orders == 0) | (2 * orders == count), 1.0, 2.0) * harmonics
     fine = np.fft.irfft(harmonics, _FINER * count)
     times = 2.0 * np.pi * np.argmax(fine, axis=1) / (_FINER * count)
 
-    def value(order: int) -> NDArray[np.float64]:
+    def value(order: int) -> Floats:
         waves = np.exp(1j * orders * times[:, None])
         return np.asarray((weights * (1j * orders) ** order * waves).real.sum(axis=1))
 

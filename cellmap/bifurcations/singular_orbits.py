@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Complexes, Floats
 from ..orbits.arclength import Problem, SolutionPoint
 from ..orbits.multipliers import pair_on_circle
 from ..orbits.orbit_equations import OrbitProblem
@@ -22,7 +22,7 @@ _CENTRED = 1e-11  # and at a centre about which it is odd to third order
 _ROUNDS = 8
 _CONVERGED = 1e-13
 
-Vectors = NDArray[np.float64]
+Vectors = Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class SingularOrbits:
     kind: BifurcationKind
     origin: Vectors
 
-    def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
+    def multipliers(self, place: SolutionPoint) -> Complexes:
         """Return the multipliers, by decreasing modulus."""
         return self.orbits.multipliers(self._orbit(place))
 
@@ -79,7 +79,7 @@ class SingularOrbits:
         curved = abs(ahead + behind - 2.0 * here) / (2.0 * _BESIDE**2)
         return bool(abs(here) <= (_CENTRED if self._moves else _CLOSED) * size and curved <= _EVEN * size)
 
-    def __call__(self, unknowns: Vectors) -> tuple[Vectors, NDArray[np.float64]]:
+    def __call__(self, unknowns: Vectors) -> tuple[Vectors, Floats]:
         """Return residuals (n d + 1,) and their derivatives (n d + 1, n d + m) at unknowns (n d + m,)."""
         residual, slopes = self.orbits(unknowns)
         states = self.orbits.states
@@ -122,7 +122,7 @@ class SingularOrbits:
         around = [self._curvature(unknowns + s, null) - self._curvature(unknowns - s, null) for s in shifts]
         return np.array(around) / (2.0 * _BESIDE)
 
-    def _of_areas(self, unknowns: Vectors, slopes: NDArray[np.float64]) -> tuple[float, Vectors]:
+    def _of_areas(self, unknowns: Vectors, slopes: Floats) -> tuple[float, Vectors]:
         """Return the smallest singular value of the derivatives of areas, and its gradient (n d + m,)."""
         orbits, d = self.orbits, self.orbits.dimension
         areas = _of_pairs(orbits.factors(slopes))
@@ -139,14 +139,14 @@ class SingularOrbits:
         return float(sizes[-1]), np.append(gradient[:, :d].ravel(), gradient[:, d:].sum(axis=0))
 
 
-def _of_pairs(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+def _of_pairs(matrices: Floats) -> Floats:
     """Return what matrices (..., d, d) do to areas, (..., d (d - 1) / 2, d (d - 1) / 2): their minors of order two."""
     i, j = np.triu_indices(matrices.shape[-1], 1)
     a, b = matrices[..., i, :], matrices[..., j, :]
     return np.asarray(a[..., i] * b[..., j] - a[..., j] * b[..., i])
 
 
-def smallest(problem: Problem, unknowns: Vectors, block: NDArray[np.float64]) -> tuple[Vectors, float, Vectors]:
+def smallest(problem: Problem, unknowns: Vectors, block: Floats) -> tuple[Vectors, float, Vectors]:
     """Return the left vector of the smallest singular value, that value, and its gradient by the unknowns (n + m,).
 
     The block (n, n) are derivatives of the residuals by the first n unknowns, up to constants.
@@ -156,7 +156,7 @@ def smallest(problem: Problem, unknowns: Vectors, block: NDArray[np.float64]) ->
     return left[:, -1], float(sizes[-1]), _bent(problem, unknowns, left[:, -1], along[None])[0]
 
 
-def _bent(problem: Problem, unknowns: Vectors, left: Vectors, directions: NDArray[np.float64]) -> NDArray[np.float64]:
+def _bent(problem: Problem, unknowns: Vectors, left: Vectors, directions: Floats) -> Floats:
     """Return the second derivatives (k, n + m) along directions (k, n + m) of the part of residuals along a vector."""
     lengths = _DIFFERENCE / np.maximum(np.abs(directions).max(axis=1, keepdims=True), 1e-300)
     shifts = lengths * directions
@@ -227,7 +227,7 @@ def _crossing(problem: Problem, guess: Vectors, along: Vectors) -> Crossing:
     return Crossing(unknowns, known, other / np.linalg.norm(other))
 
 
-def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _finite(values: Floats) -> Floats:
     if not np.isfinite(values).all():
         raise np.linalg.LinAlgError("values that are not finite")
     return values

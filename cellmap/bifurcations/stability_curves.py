@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats, Ints
 from .crossings import Crossing
 
 
@@ -24,8 +24,8 @@ class BoundaryCurve:
         Way in which multipliers cross the unit circle.
     """
 
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
+    x: Floats
+    y: Floats
     crossing: Crossing
 
     def __len__(self) -> int:
@@ -36,10 +36,7 @@ class BoundaryCurve:
 
 
 def linked(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    on_rows: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]],
-    on_columns: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]],
+    x: Floats, y: Floats, on_rows: tuple[Floats, Floats, Ints], on_columns: tuple[Floats, Floats, Ints]
 ) -> tuple[BoundaryCurve, ...]:
     """Link points on the rows and on the columns of a grid, each given as x, y and crossing, to curves.
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from math import gcd
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Floats
 from .._lib.checks import finite_number, known_parameter, pair_of, shown, whole_number
 from .._lib.signatures import checked
 from ..maps.compiled_advance import recorded
@@ -193,7 +194,7 @@ class _Numbers:
 
     exact: PointMap
     name: str
-    state: NDArray[np.float64]
+    state: Floats
     transient: int
     periods: int
 
@@ -201,7 +202,7 @@ class _Numbers:
     def _has_angle(self) -> bool:
         return bool(turns_of(self.exact.coordinates)[1].any())
 
-    def _orbits(self, values: NDArray[np.float64]) -> tuple[PointMap, Orbits]:
+    def _orbits(self, values: Floats) -> tuple[PointMap, Orbits]:
         swept = swept_map(self.exact, self.name)
         states = np.column_stack([np.tile(self.state, (len(values), 1)), values])
         orbits = Orbits.starting(states)
@@ -209,11 +210,11 @@ class _Numbers:
         orbits.rotations[:] = 0
         return swept, orbits
 
-    def end(self, value: float) -> NDArray[np.float64]:
+    def end(self, value: float) -> Floats:
         """Return where the orbit at a value is after the transient."""
         return np.asarray(self._orbits(np.array([value]))[1].points[0, :-1])
 
-    def at(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, values: Floats) -> Floats:
         """Return the rotation numbers (n,) at values; NaN where an orbit ends."""
         swept, orbits = self._orbits(values)
         before = orbits.points.copy()
@@ -269,7 +270,7 @@ class _Numbers:
         )
 
 
-def _locked(here: PointMap, state: NDArray[np.float64], period: int) -> PeriodicOrbit:
+def _locked(here: PointMap, state: Floats, period: int) -> PeriodicOrbit:
     """Return the periodic orbit beside a state."""
     turn = turns_of(here.coordinates)[1]
     extent = np.where(turn > 0.0, turn, np.maximum(np.abs(state), 1e-9))

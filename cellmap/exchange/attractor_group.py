@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.arrays import Complexes, Floats
 from ..maps.coordinates import Coordinate
 from ..orbits.attractor import Attractor, Cover, Kind, Neighbourhood, distinct_names
 from ..orbits.invariant_circle import InvariantCircle
@@ -141,7 +142,7 @@ def _records(found: dict[str, NDArray[Any]], part: str, record: Any) -> dict[int
     return {k: record(**given) for k, given in values.items()}
 
 
-def _complex(real: NDArray[np.float64], imaginary: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _complex(real: Floats, imaginary: Floats) -> Complexes:
     """Put complex numbers together, with the signs of zeros."""
     found = np.empty(real.shape, np.complex128)
     found.real, found.imag = real, imaginary

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import is_sequence, shown
 from .._lib.files import as_target, written_whole
 from .._lib.signatures import checked
@@ -43,9 +43,9 @@ class _Rows:
     """Rows of a file: values (n, columns) by names, whether each is stable, and its type."""
 
     names: list[str]
-    values: NDArray[np.float64]
-    stable: NDArray[np.bool_]
-    types: NDArray[np.int64]
+    values: Floats
+    stable: Bools
+    types: Ints
     heading: str
 
 
@@ -156,12 +156,12 @@ def _of_tangencies(curve: TangencyCurve) -> _Rows:
 
 def _columns(
     names: Sequence[str],
-    values: NDArray[np.float64],
-    states: NDArray[np.float64],
+    values: Floats,
+    states: Floats,
     coordinates: Sequence[Coordinate],
-    norm: NDArray[np.float64] | None = None,
+    norm: Floats | None = None,
     before: str = "",
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Floats]:
     first, *others = zip(names, values.T, strict=True)
     size = np.linalg.norm(states, axis=1) if norm is None else norm
     shown_as = [f"{before}{c.name}" for c in coordinates]
@@ -169,9 +169,7 @@ def _columns(
     return {re.sub(r"\s", "_", name)[:18]: column for name, column in columns}
 
 
-def _measured(
-    exact: PointMap, names: Sequence[str], values: NDArray[np.float64], points: NDArray[np.float64], period: int
-) -> dict[str, NDArray[np.float64]]:
+def _measured(exact: PointMap, names: Sequence[str], values: Floats, points: Floats, period: int) -> dict[str, Floats]:
     """Return the columns that AUTO has for periodic solutions."""
     norms, largest = (
         np.column_stack([measured(exact, tuple(names), values, points, period, j, m) for j in range(exact.dimension)])

@@ -8,8 +8,8 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Complexes, Floats
 from .._lib.checkpoint import plain
 from .._lib.checks import warn_caller
 from ..bifurcations.bifurcation_curve import BifurcationCurve
@@ -111,7 +111,7 @@ def _without_zeros(read: Any, point_map: PointMap | None) -> Branch | Bifurcatio
             raise OtherMapError(f"point_map={point_map!r}: it has other {what} than the map of the branch or curve")
     exact = point_map.without_table.with_params(**read.json("params"))
     names, period = tuple(read.json("parameters")), int(read.attributes["orbit_period"])
-    swept, problems, unknowns = swept_map(exact, *names), list[OrbitProblem](), list[NDArray[np.float64]]()
+    swept, problems, unknowns = swept_map(exact, *names), list[OrbitProblem](), list[Floats]()
     for k, count in enumerate(read.json("segments")):
         common = exact, swept, period, read.array(f"scale_{k}")
         parts = swept.specified.parts(count) if count else None
@@ -146,11 +146,7 @@ def _without_zeros(read: Any, point_map: PointMap | None) -> Branch | Bifurcatio
 
 
 def _require_orbits(
-    point_map: PointMap,
-    names: tuple[str, ...],
-    problem: OrbitProblem,
-    unknowns: NDArray[np.float64],
-    multipliers: NDArray[np.complex128],
+    point_map: PointMap, names: tuple[str, ...], problem: OrbitProblem, unknowns: Floats, multipliers: Complexes
 ) -> None:
     """Refuse a map of which some of the solutions (n, ...) are no orbits, or orbits with other multipliers.
 
@@ -180,17 +176,17 @@ def _require_orbits(
             )
 
 
-def _split(values: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _split(values: Complexes) -> Floats:
     return np.stack([values.real, values.imag])
 
 
-def _row(b: Bifurcation, part: int) -> NDArray[np.float64]:
+def _row(b: Bifurcation, part: int) -> Floats:
     direction = np.full_like(b._unknowns, np.nan) if b._branch_direction is None else b._branch_direction
     numbers = [part, *(getattr(b, name) for name in _NUMBERS)]
     return np.concatenate([numbers, b.point, *_split(b.multipliers), b._unknowns, b._along, direction])
 
 
-def _bifurcation(kind: str, row: NDArray[np.float64], problems: list[OrbitProblem]) -> Bifurcation:
+def _bifurcation(kind: str, row: Floats, problems: list[OrbitProblem]) -> Bifurcation:
     problem = problems[int(row[0])]
     d, n = problem.dimension, len(problem.scale)
     ends = np.cumsum([1 + len(_NUMBERS), d, d, d, n, n, n])

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import is_sequence, shown
 from ..basins.record import Basins
 from ..bifurcations.atlas_families import AtlasKind
@@ -73,7 +73,7 @@ AttractorAtlas, CircleBranch, ConnectionBranch or TangencyCurve
 
 def function_columns(
     result: Any, functions: Mapping[str, Quantity | OrbitFunction] | None, taken: set[Any]
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Floats]:
     """Return the values of functions by their names: (n,) on branches and curves, (branches, n) in diagrams.
 
     Names that are taken are refused.

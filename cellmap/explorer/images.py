@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Floats
 from ..attractors.labels import LABEL_NAMES
 from ..basins.live import LiveBasins, LiveFrame
 from ..basins.record import label_counts
@@ -188,7 +189,7 @@ def orbit(view: View, frame: LiveFrame, point: ArrayLike) -> dict[str, Any]:
     }
 
 
-def _motion(frame: LiveFrame, start: NDArray[np.float64], periods: int) -> Mapping[str, Any] | None:
+def _motion(frame: LiveFrame, start: Floats, periods: int) -> Mapping[str, Any] | None:
     """Return the states between the points of an orbit, for a forced system."""
     assert frame.basins.point_map is not None
     spec = frame.basins.point_map.without_table.spec

@@ -6,8 +6,8 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import whole_number
 from ..analysis.boundary.manifolds import saddle_manifold
 from ..basins.live import LiveFrame
@@ -74,7 +74,7 @@ def _inverse(exact: PointMap) -> PointMap | None:
     return inverse_stroboscopic_map(spec.system, spec.phase, spec.rtol, spec.atol)
 
 
-def _curve(exact: PointMap, orbit: PeriodicOrbit, region: CellGrid, inverse: PointMap | None) -> NDArray[np.float64]:
+def _curve(exact: PointMap, orbit: PeriodicOrbit, region: CellGrid, inverse: PointMap | None) -> Floats:
     """Return all branches of a stable manifold, one after another with NaN between them."""
     manifold = saddle_manifold(exact, orbit, "stable", region, _LENGTH, _SPACING, inverse)
     interruption = np.full((1, 2), np.nan)

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import finite_number, known_parameter, shown
 from ..basins.live import LiveFrame
 from ..bifurcations.equilibrium_stability import stability_map
@@ -47,7 +47,7 @@ def stability(view: View, frame: LiveFrame, x: Any, y: Any) -> tuple[dict[str, A
     return facts, np.stack([plane.unstable for plane in found.values()]).astype(np.int8).tobytes()
 
 
-def _axis(label: str, given: Any, params: Mapping[str, float]) -> tuple[str, NDArray[np.float64]]:
+def _axis(label: str, given: Any, params: Mapping[str, float]) -> tuple[str, Floats]:
     if not isinstance(given, Mapping):
         raise TypeError(f"{label}={shown(given)}: give an object with a parameter, its lower and its upper value")
     name = known_parameter(f"{label}.parameter", given.get("parameter"), params)

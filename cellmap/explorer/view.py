@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import finite_number, finite_points, is_sequence, parameter_values, shown, whole_number
 from ..maps.grid import CellGrid, between
 from ..maps.system import ForcedSystem
@@ -113,7 +114,7 @@ class View:
             finite_number("tolerance", values["tolerance"], at_least=1e-13, at_most=1e-2),
         )
 
-    def initial_conditions(self) -> CellGrid | NDArray[np.float64]:
+    def initial_conditions(self) -> CellGrid | Floats:
         """Return the grid of initial conditions, or the initial conditions of a slice."""
         if len(self.axes) == len(self.others):
             order = np.argsort(self.axes)
@@ -133,7 +134,7 @@ class View:
         upright = labels if len(self.others) == 2 and self.axes == (1, 0) else labels.T
         return upright[::-1]
 
-    def state(self, place: ArrayLike) -> NDArray[np.float64]:
+    def state(self, place: ArrayLike) -> Floats:
         """Return the initial condition at a place of the image, given by its coordinates along the axes."""
         state = np.array(self.others)
         state[list(self.axes)] = finite_points("point", place, len(self.axes)).reshape(-1)

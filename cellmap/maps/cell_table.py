@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats
 from .grid import CellGrid
 
 
@@ -32,12 +33,12 @@ class CellTable:
 
     grid: CellGrid
     order: int
-    coefficients: NDArray[np.float64]
+    coefficients: Floats
     indicator: NDArray[np.float32]
-    rough: NDArray[np.bool_]
+    rough: Bools
 
     @classmethod
-    def unexamined(cls, grid: CellGrid, order: int, coefficients: NDArray[np.float64]) -> CellTable:
+    def unexamined(cls, grid: CellGrid, order: int, coefficients: Floats) -> CellTable:
         """Return a table whose errors are not known yet."""
         return cls(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
 

@@ -13,6 +13,7 @@ from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.kernels.labelling import DISCRETE, FLOW, NOT_COMPILED, Discrete, Step, Table
 from .._compiled.kernels.periods import Motion, iterate
 from .._compiled.kernels.recording import record
+from .._lib.arrays import Floats, Ints
 from .._lib.stopping import check_stop
 from .integration import Flow
 from .orbit_batch import Orbits, portions
@@ -58,8 +59,8 @@ class FlowAdvance(CompiledAdvance):
     """Periods of a flow, with the cuts and turns of its coordinates."""
 
     motion: Flow
-    lower: NDArray[np.float64]
-    turn: NDArray[np.float64]
+    lower: Floats
+    turn: Floats
 
     @property
     def step(self) -> Step:
@@ -88,10 +89,10 @@ class DiscreteAdvance(CompiledAdvance):
     """Applications of a discrete map; an orbit has diverged that is not smaller than a bound."""
 
     kernel: CompiledPeriod
-    parameters: NDArray[np.float64]
+    parameters: Floats
     bound: float
-    lower: NDArray[np.float64]
-    turn: NDArray[np.float64]
+    lower: Floats
+    turn: Floats
 
     @property
     def step(self) -> Step:
@@ -108,7 +109,7 @@ class DiscreteAdvance(CompiledAdvance):
 
 def recorded(
     advance: Callable[[Orbits, int], None], orbits: Orbits, periods: int
-) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.uint8]]]:
+) -> Iterator[tuple[Floats, Ints, NDArray[np.uint8]]]:
     """Move a batch of orbits on, in place, and yield where it has been, some periods at a time.
 
     Points and full rotations have the shape (periods, n, d), status (periods, n).

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from math import inf, isfinite, nan, pi
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .._compiled.kernels.blocks import MOST_TURNS
+from .._lib.arrays import Floats
 from .._lib.checks import finite_points, listed, real_number, shown
 from .._lib.signatures import checked
 
@@ -109,14 +110,14 @@ def as_coordinates(given: Iterable[str | Coordinate]) -> tuple[Coordinate, ...]:
     return coordinates
 
 
-def turns_of(coordinates: Sequence[Coordinate]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def turns_of(coordinates: Sequence[Coordinate]) -> tuple[Floats, Floats]:
     """Return branch cuts and periods of all coordinates as arrays; the period 0 marks a variable on the line."""
     lower = np.array([c.lower if c.lower is not None else -inf for c in coordinates])
     turn = np.array([c.period or 0.0 for c in coordinates])
     return lower, turn
 
 
-def state_points(name: str, points: ArrayLike, coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+def state_points(name: str, points: ArrayLike, coordinates: Sequence[Coordinate]) -> Floats:
     """Return states as a new C-contiguous array of shape (..., dimension), all finite, and each angle with a phase."""
     states = finite_points(name, points, len(coordinates))
     for j, c in enumerate(coordinates):
@@ -132,7 +133,7 @@ def state_points(name: str, points: ArrayLike, coordinates: Sequence[Coordinate]
     return states
 
 
-def wrap(points: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+def wrap(points: Floats, coordinates: Sequence[Coordinate]) -> Floats:
     """Return points (..., dimension) with every angle wrapped; NaN where it is too large to have a phase."""
     wrapped = np.array(points, dtype=float)
     for j, c in enumerate(coordinates):
@@ -145,9 +146,7 @@ def wrap(points: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDAr
     return wrapped
 
 
-def difference(
-    a: NDArray[np.float64], b: NDArray[np.float64], coordinates: Sequence[Coordinate]
-) -> NDArray[np.float64]:
+def difference(a: Floats, b: Floats, coordinates: Sequence[Coordinate]) -> Floats:
     """Return a - b, along angles the shorter way round."""
     d = np.asarray(a, dtype=float) - np.asarray(b, dtype=float)
     for j, c in enumerate(coordinates):
@@ -156,9 +155,7 @@ def difference(
     return d
 
 
-def from_edge(
-    values: NDArray[np.float64], lower: NDArray[np.float64], turn: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def from_edge(values: Floats, lower: Floats, turn: Floats) -> Floats:
     """Return values with angles in the turn that begins at an edge."""
     around = np.where(turn > 0.0, turn, np.inf)
     with np.errstate(invalid="ignore"):

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._compiled.codegen.expression import ImpureError
 from .._compiled.codegen.kernel import discrete_jet_kernel, discrete_kernel, tangent_step, why_untraced
@@ -16,6 +15,7 @@ from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.codegen.trace import parameter_record
 from .._compiled.kernels.frames import carrying
 from .._compiled.machine_code import MachineCode
+from .._lib.arrays import Floats
 from .._lib.checks import parameter_values, shown, text
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
@@ -120,14 +120,14 @@ class Discrete(MapSpec[PointMap]):
             compiled = derivatives_of(name, self._kernel(True))
             return DiscreteAdvance(compiled, parameters, _BOUND, anywhere, anywhere)
 
-        def derivative(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        def derivative(points: Floats) -> tuple[Floats, Floats]:
             return tangent_by_lanes(tangent_advance(), points, d)
 
         @functools.cache
         def step_of_frames() -> MachineCode:
             return derivatives_of(name, tangent_step(_timeless(self.function), d, tuple(self.params)))
 
-        def stretch(orbits: Orbits, frames: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
+        def stretch(orbits: Orbits, frames: Floats, periods: int) -> Floats:
             step = step_of_frames().address("step")
             growth, ended, before = np.empty((len(orbits), d)), ~orbits.alive, ~orbits.alive
             state = (orbits.points, orbits.rotations, frames, ended)

@@ -6,10 +6,8 @@ import dataclasses
 import hashlib
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from .. import __version__
+from .._lib.arrays import Floats
 from .coordinates import wrap
 from .orbit_batch import Orbits
 from .point_map import PointMap
@@ -18,7 +16,7 @@ PROBES = 256
 """Points whose images are compared."""
 
 
-def fingerprint(point_map: PointMap, probes: NDArray[np.float64]) -> dict[str, Any]:
+def fingerprint(point_map: PointMap, probes: Floats) -> dict[str, Any]:
     """Return plain values that are those of a map alone, as far as some points can tell.
 
     Names and numbers say which map is meant.  The bits of images say that it is the same function, written in the same

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._compiled.codegen.rebind import over_arrays
+from .._lib.arrays import Bools, Floats, Ints
 from .coordinates import Coordinate
 from .integration import Flow
 from .orbit_batch import Orbits, Status
@@ -66,9 +67,7 @@ class Trip:
     stretch: float
     motion: Flow
 
-    def __call__(
-        self, points: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8], NDArray[np.float64] | None]:
+    def __call__(self, points: Floats) -> tuple[Floats, Floats, NDArray[np.uint8], Floats | None]:
         """Return images (n, d - 1) with angles unwrapped, times, status, and derivatives where these are carried."""
         n, d = len(points), self.system.dimension
         size = d + EXTRA
@@ -108,7 +107,7 @@ class Trip:
         images[ended], times[ended] = np.nan, np.nan
         return images, times, status, None if total is None else total[:, others][:, :, others]
 
-    def _begin(self, states: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _begin(self, states: Floats) -> Bools:
         """Put states on the section, on the side to which they go; tell which of them rest there."""
         system, d = self.system, self.system.dimension
         states[:, self.place] = self.value
@@ -119,13 +118,13 @@ class Trip:
         moves = np.abs(rates) * self.stretch
         return np.asarray((moves <= _AT_REST * np.maximum(1.0, np.abs(states[:, :d]))).all(axis=1))
 
-    def _put(self, states: NDArray[np.float64], side: NDArray[np.float64]) -> None:
+    def _put(self, states: Floats, side: Floats) -> None:
         """Put states exactly on the section, on one of its sides."""
         d = self.system.dimension
         states[:, self.place] = states[:, d + 2] = self.value
         states[:, d + 1] = side
 
-    def _across(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _across(self, states: Floats) -> Floats:
         """Return the direction in which states cross the section at which they have stopped.
 
         They come back from the side on which they were, except after a full rotation of an angle.
@@ -135,13 +134,7 @@ class Trip:
         back = np.abs(states[:, self.place] - states[:, d + 2]) < round_
         return np.where(back, -states[:, d + 1], states[:, d + 1])
 
-    def _move(
-        self,
-        states: NDArray[np.float64],
-        status: NDArray[np.uint8],
-        rows: NDArray[np.int64],
-        total: NDArray[np.float64] | None,
-    ) -> NDArray[np.float64]:
+    def _move(self, states: Floats, status: NDArray[np.uint8], rows: Ints, total: Floats | None) -> Floats:
         """Return states after a stretch, or where they have come to the section; collect status and derivatives."""
         if total is None:
             orbits = Orbits.starting(states)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._compiled.codegen.filippov import SwitchingTrace
 from .._compiled.codegen.kernel import traced_function, traced_switching, why_untraced
 from .._compiled.codegen.linear import values
 from .._compiled.codegen.trace import Trace
+from .._lib.arrays import Floats
 from .system import ForcedSystem
 
 
@@ -31,7 +31,7 @@ class Formulas:
         """Whether the right-hand side has switches, or branches that can be located."""
         return self.system.functions[1:] != (None, None) or self.in_modes is not None
 
-    def derivatives(self, times: NDArray[np.float64], state: tuple[float, ...]) -> NDArray[np.float64]:
+    def derivatives(self, times: Floats, state: tuple[float, ...]) -> Floats:
         """Return the right-hand side at many times, shape (times, dimension).
 
         Jumps are met as events: what is returned is the smooth side on which the state is at the time 0.

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .._compiled.codegen.filippov import SwitchingTrace
 from .._compiled.codegen.kernel import traced_switching
 from .._compiled.kernels.grazing import DEPTH, EXTENT, RECORDS
 from .._compiled.kernels.switching_period import COUNT, WATCHED
+from .._lib.arrays import Floats
 from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from .coordinates import state_points, wrap
@@ -24,7 +25,7 @@ _STEPS = 64, 1024
 
 
 @checked
-def grazing_distance(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArray[np.float64]:
+def grazing_distance(point_map: PointMap, points: ArrayLike, periods: int = 1) -> Floats:
     """Return how near orbits come to grazing: to touching a surface of impacts or of a discontinuity tangentially.
 
     At grazing the saltation matrix is infinite on one side and the identity on the other, so that a Jacobian matrix and
@@ -96,7 +97,7 @@ def _where_flows_differ(traced: SwitchingTrace) -> list[bool]:
     return [i is not None or not all(e.vanishes for e in jump) for i, jump in zip(struck, traced.jumps, strict=True)]
 
 
-def _watched(motion: Flow, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _watched(motion: Flow, points: Floats) -> tuple[Floats, Floats]:
     """Return images (n, d) of points, and how near they come to each surface, shape (n, surfaces)."""
     n = len(points)
     context = motion.kernel.advance.context.copy()

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from math import inf, ulp
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .._compiled.kernels.blocks import MOST_TURNS
 from .._compiled.kernels.box_images import locate_rows
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import claim_memory, in_bytes, is_sequence, real_array, shown, whole_number
 from .._lib.conversions import ShownAsHtml
 from .._lib.signatures import checked
@@ -100,42 +101,42 @@ class CellGrid(ShownAsHtml):
         return int(np.prod([int(n) for n in self.shape], dtype=object))
 
     @property
-    def widths(self) -> NDArray[np.float64]:
+    def widths(self) -> Floats:
         """Width of a cell along each axis."""
         return (np.array(self.upper) - np.array(self.lower)) / np.array(self.shape)
 
     @checked
-    def axis(self, axis: int) -> NDArray[np.float64]:
+    def axis(self, axis: int) -> Floats:
         """Return the cell centres along axis `axis`."""
         self._own(axis)
         return self.along(axis, np.arange(self.shape[axis]) + 0.5)
 
     @checked
-    def edges(self, axis: int) -> NDArray[np.float64]:
+    def edges(self, axis: int) -> Floats:
         """Return the cell edges along axis `axis`, one more than cells."""
         self._own(axis)
         return self.along(axis, np.arange(self.shape[axis] + 1))
 
     @checked
-    def along(self, axis: int, cells: ArrayLike) -> NDArray[np.float64]:
+    def along(self, axis: int, cells: ArrayLike) -> Floats:
         """Return the coordinates at a distance of `cells` cells from the lower end of axis `axis`."""
         self._own(axis)
         return between(self.lower[axis], self.upper[axis], self.shape[axis], real_array("cells", cells))
 
-    def places(self, cells: ArrayLike) -> NDArray[np.float64]:
+    def places(self, cells: ArrayLike) -> Floats:
         """Return the points at distances of `cells` (..., dimension) cells from the lower corner."""
         given = real_array("cells", cells)
         if given.shape[-1:] != (self.dimension,):
             raise ValueError(f"cells has shape {given.shape}: its last axis must hold {self.dimension} coordinates")
         return between(np.array(self.lower), np.array(self.upper), np.array(self.shape), given)
 
-    def centres(self) -> NDArray[np.float64]:
+    def centres(self) -> Floats:
         """Return the centres of all cells, shape ``(*shape, dimension)``."""
         needed = 8 * self.size * self.dimension
         claim_memory(f"the centres of {self.size:,} cells", needed, "take fewer cells")
         return np.stack(np.meshgrid(*map(self.axis, range(self.dimension)), indexing="ij"), axis=-1)
 
-    def locate(self, points: ArrayLike) -> NDArray[np.int64]:
+    def locate(self, points: ArrayLike) -> Ints:
         """Return the flat (row-major) index of the cell of each point, -1 for a point outside the grid or NaN."""
         p = real_array("points", points)
         if p.ndim == 0 or p.shape[-1] != self.dimension:
@@ -192,12 +193,12 @@ class CellGrid(ShownAsHtml):
 class Locator:
     """Finds the cells of points whose angles may have their branch cut elsewhere than at the edge of the window."""
 
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    widths: NDArray[np.float64]
-    shape: NDArray[np.int64]
-    turn: NDArray[np.float64]
-    wraps: NDArray[np.bool_]
+    lower: Floats
+    upper: Floats
+    widths: Floats
+    shape: Ints
+    turn: Floats
+    wraps: Bools
 
     @classmethod
     def of(cls, grid: CellGrid, coordinates: Sequence[Coordinate] | None = None) -> Locator:
@@ -210,7 +211,7 @@ class Locator:
         turn = np.where(wraps, upper - lower, turn)
         return cls(lower, upper, grid.widths, np.array(grid.shape, np.int64), turn, wraps)
 
-    def __call__(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+    def __call__(self, points: Floats) -> Ints:
         """Return the numbers of the cells of points (n, dimension), -1 outside."""
         keys = np.empty(len(points), np.int64)
         locate_rows(points, self.lower, self.upper, self.widths, self.shape, self.turn, self.wraps, keys)
@@ -227,7 +228,7 @@ def check_volume(grid: CellGrid) -> None:
             )
 
 
-def between(lower: ArrayLike, upper: ArrayLike, cells: ArrayLike, numbers: ArrayLike) -> NDArray[np.float64]:
+def between(lower: ArrayLike, upper: ArrayLike, cells: ArrayLike, numbers: ArrayLike) -> Floats:
     """Return the coordinates that lie `cells` cells behind a lower end, counted from the end that is nearer.
 
     In a window that is symmetric about 0, ``cells - numbers`` gives the mirror image of ``numbers`` to the last bit.
@@ -239,7 +240,7 @@ def between(lower: ArrayLike, upper: ArrayLike, cells: ArrayLike, numbers: Array
     return np.where(side == 0, 0.5 * first + 0.5 * last, near)
 
 
-def grid_points(axes: Sequence[NDArray[np.float64]], part: slice | NDArray[np.int64]) -> NDArray[np.float64]:
+def grid_points(axes: Sequence[Floats], part: slice | Ints) -> Floats:
     """Return some points of the product of axes, by their flat row-major numbers; shape (n, dimension)."""
     numbers = np.arange(part.start, part.stop) if isinstance(part, slice) else part
     index = np.unravel_index(numbers, tuple(map(len, axes)))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .._compiled.codegen.expression import UntraceableError
 from .._compiled.codegen.kernel import (
@@ -19,6 +19,7 @@ from .._compiled.codegen.kernel import (
 )
 from .._compiled.kernels.blocks import LANES, wrap_rows
 from .._compiled.kernels.periods import INACCURATE, PROBE, ROUNDED, Motion, integrate
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.computed import computed_once
 from .coordinates import turns_of
 from .formulas import Formulas, formulas
@@ -40,7 +41,7 @@ _AGREEMENT = 2.0  # two images differ by less than the tolerance over this
 _REGROWN = 3  # periods in which a component can fall below its tolerance and grow again
 _SAFETY = 2.0  # error expected of the steps that are chosen, under the tolerance by this factor
 
-Turns = tuple[NDArray[np.float64], NDArray[np.float64]]
+Turns = tuple[Floats, Floats]
 
 
 def flow(
@@ -73,7 +74,7 @@ def flow(
 
 
 @functools.lru_cache(maxsize=16)
-def _ladder(max_steps: int) -> NDArray[np.int64]:
+def _ladder(max_steps: int) -> Ints:
     """Numbers of steps to choose from, four to an octave."""
     rungs = np.unique([round(4 * 2 ** (k / _RUNGS_PER_OCTAVE)) for k in range(30 * _RUNGS_PER_OCTAVE)])
     return np.unique(np.minimum(rungs, max_steps))
@@ -144,7 +145,7 @@ def _checked(motion: Flow, turns: Turns) -> float:
     return _CHECKED
 
 
-def _trial(motion: Flow, points: NDArray[np.float64]) -> tuple[int, int]:
+def _trial(motion: Flow, points: Floats) -> tuple[int, int]:
     """Return how many of some orbits miss the tolerance in a period, and the steps of all."""
     orbits = Orbits.starting(points.copy())
     motion(orbits)
@@ -212,7 +213,7 @@ def _kernel(known: Formulas, method: str, rtol: float) -> PeriodKernel:
     return kernel
 
 
-def _values(system: ForcedSystem) -> NDArray[np.float64]:
+def _values(system: ForcedSystem) -> Floats:
     return np.array([float(v) for v in system.params.values()])
 
 
@@ -226,7 +227,7 @@ def _fewest_steps(known: Formulas, length: float, tolerance: float) -> int:
     return max(1, int(np.ceil(fewest * length / period)))
 
 
-def _forcing(known: Formulas) -> Iterator[NDArray[np.float64]]:
+def _forcing(known: Formulas) -> Iterator[Floats]:
     """Yield the right-hand side over a period at two states, shape (times, dimension) each, where it is finite."""
     times = np.linspace(0.0, known.system.length, _FORCING_SAMPLES, endpoint=False)
     for size in (0.1, 1.1):
@@ -238,7 +239,7 @@ def _forcing(known: Formulas) -> Iterator[NDArray[np.float64]]:
             yield samples
 
 
-def _keeps_zero(known: Formulas, least: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _keeps_zero(known: Formulas, least: Floats) -> Bools:
     """Return which components stay zero where they are, as numbers of a species do, or move less than `least`."""
     system, rng, found = known.system, np.random.default_rng(0), np.ones(known.system.dimension, bool)
     for j, axis in enumerate(system.axes):
@@ -254,7 +255,7 @@ def _keeps_zero(known: Formulas, least: NDArray[np.float64]) -> NDArray[np.bool_
     return found
 
 
-def steps_of_harmonics(samples: NDArray[np.float64], least: float = 0.0) -> int:
+def steps_of_harmonics(samples: Floats, least: float = 0.0) -> int:
     """Return half the number of the highest harmonic of samples of a period, shape (times, ...), at least 1.
 
     Harmonics count from a strength of `least` on, and from a ten-millionth of that of the strongest.
@@ -265,13 +266,13 @@ def steps_of_harmonics(samples: NDArray[np.float64], least: float = 0.0) -> int:
     return max(1, int((np.flatnonzero(present.reshape(len(present), -1).any(axis=1)).max(initial=0) + 2) // 2))
 
 
-def in_lanes(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def in_lanes(points: Floats) -> Floats:
     """Return points (n, d) in blocks of lanes (blocks, d, LANES), the last one filled up with copies of the first."""
     rows = np.concatenate([points, points[:1].repeat(-len(points) % LANES, axis=0)])
     return np.ascontiguousarray(rows.reshape(-1, LANES, points.shape[1]).swapaxes(1, 2))
 
 
-def out_of_lanes(blocks: NDArray[np.float64], number: int) -> NDArray[np.float64]:
+def out_of_lanes(blocks: Floats, number: int) -> Floats:
     """Return the first points of blocks of lanes, shape (number, d)."""
     return blocks.swapaxes(1, 2).reshape(-1, blocks.shape[1])[:number]
 
@@ -284,17 +285,17 @@ class Flow:
     """
 
     kernel: PeriodKernel
-    parameters: NDArray[np.float64]
+    parameters: Floats
     begin: float
     length: float
     rtol: float
-    atol: NDArray[np.float64]
+    atol: Floats
     max_steps: int
-    largest: NDArray[np.float64]
+    largest: Floats
     fewest_steps: int
     unknown_formulas: str = ""
     checked: float = 0.0
-    keeps_zero: NDArray[np.bool_] | bool = False
+    keeps_zero: Bools | bool = False
 
     @computed_once
     def numbers(self) -> Motion:
@@ -333,7 +334,7 @@ class Flow:
             lost=np.zeros(len(self.largest), np.int64),
         )
 
-    def steps_at(self, points: NDArray[np.float64], steps: int) -> float:
+    def steps_at(self, points: Floats, steps: int) -> float:
         """Return how many steps nine in ten orbits need at most, expected from their errors at a number of steps."""
         motion, x = self.numbers, in_lanes(points)
         errors, numbers = np.zeros_like(x), np.full(len(x), steps)
@@ -350,7 +351,7 @@ class Flow:
         anywhere = np.zeros(orbits.points.shape[1])
         self.advance(orbits, 1, anywhere, anywhere)
 
-    def advance(self, orbits: Orbits, periods: int, lower: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
+    def advance(self, orbits: Orbits, periods: int, lower: Floats, turn: Floats) -> None:
         """Advance orbits by some periods in place, with wrapped angles.
 
         A compiled loop takes so many orbits and periods at once that it is soon back, and Ctrl-C is heard; how many, it

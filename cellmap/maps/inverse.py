@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats
 from .._lib.checks import shown
 from .._lib.signatures import checked
 from .coordinates import turns_of, wrap
@@ -99,7 +99,7 @@ class Inverse(MapSpec[PointMap]):
         return None if further is None else replace(self, system=further)
 
 
-def extra_turns(point_map: PointMap, about: NDArray[np.float64]) -> NDArray[np.float64]:
+def extra_turns(point_map: PointMap, about: Floats) -> Floats:
     """Return the matrix (d, d) of the full rotations that an image gains, beyond those of its point.
 
     It is 0 for the map of a flow, and for any other that can be drawn together to one that leaves all points where they
@@ -130,14 +130,14 @@ class Step:
     """
 
     mapping: PointMap
-    extra: NDArray[np.float64]
+    extra: Floats
 
     @property
     def exact(self) -> PointMap:
         """The exact map."""
         return self.mapping.without_table
 
-    def __call__(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, points: Floats) -> Floats:
         """Return the images of points (n, d), NaN of those that are not finite."""
         images = np.full(points.shape, np.nan)
         rows = np.flatnonzero(np.isfinite(points).all(axis=1))
@@ -146,21 +146,19 @@ class Step:
             images[rows] = self._turned(points[rows], wrapped) + follow(self.mapping, wrapped, 1).unwrapped
         return images
 
-    def tangent(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def tangent(self, points: Floats) -> tuple[Floats, Floats]:
         """Return the images of points (n, d) and the derivatives there."""
         wrapped = wrap(points, self.exact.coordinates)
         images, matrices = tangent(self.exact, wrapped)
         return self._turned(points, wrapped) + images, matrices
 
-    def _turned(self, points: NDArray[np.float64], wrapped: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _turned(self, points: Floats, wrapped: Floats) -> Floats:
         """Return the turns of images that come from the turns of points."""
         rotations = points - wrapped
         return np.asarray(rotations + rotations @ self.extra.T)
 
 
-def preimages(
-    step: Step, targets: NDArray[np.float64], guesses: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+def preimages(step: Step, targets: Floats, guesses: Floats) -> tuple[Floats, Floats, Bools]:
     """Solve P(x) = target, with unwrapped angles, by a damped Newton method.
 
     Returns preimages (n, d), the derivatives there (n, d, d), and which of them converged.
@@ -195,19 +193,14 @@ def preimages(
     return points, matrices, settled
 
 
-def preimages_along(
-    step: Step,
-    targets: NDArray[np.float64],
-    first: NDArray[np.float64],
-    known: tuple[NDArray[np.float64], NDArray[np.float64]],
-) -> NDArray[np.float64]:
+def preimages_along(step: Step, targets: Floats, first: Floats, known: tuple[Floats, Floats]) -> Floats:
     """Return preimages (n, d) of the points of a curve that form a curve themselves, given a guess for the first.
 
     Of several preimages it takes the one that the derivative foresees from the neighbour before.  Behind a gap, rows of
     NaN or a place where that fails, it restarts from the nearest of some known pairs of points and preimages.
     """
     found = np.full(targets.shape, np.nan)
-    usable: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(targets), axis=1)
+    usable: Bools = np.logical_and.reduce(np.isfinite(targets), axis=1)
     rows = np.flatnonzero(usable)
     guess, row = first, int(rows[0]) if len(rows) else len(targets)
     for _ in range(_RESTARTS):
@@ -224,12 +217,7 @@ def preimages_along(
     return found
 
 
-def _follow(
-    step: Step,
-    targets: NDArray[np.float64],
-    first: NDArray[np.float64],
-    found: NDArray[np.float64],
-) -> int:
+def _follow(step: Step, targets: Floats, first: Floats, found: Floats) -> int:
     """Fill in preimages of the points of a curve as far as they are found; return how many."""
     points, matrices, settled = preimages(step, targets[:1], first[None])
     if not settled[0]:
@@ -255,13 +243,7 @@ def _follow(
     return k + 1
 
 
-def _advance(
-    step: Step,
-    at: NDArray[np.float64],
-    place: NDArray[np.float64],
-    matrix: NDArray[np.float64],
-    targets: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _advance(step: Step, at: Floats, place: Floats, matrix: Floats, targets: Floats) -> tuple[Floats, Floats]:
     """Return preimages of the first targets, as many as come out where the derivative foresees them."""
     foreseen = np.linalg.solve(matrix, (targets - at).T).T
     points, matrices, settled = preimages(step, targets, place + foreseen)
@@ -271,13 +253,7 @@ def _advance(
     return points[:count], matrices[count - 1] if count else matrix
 
 
-def _bridge(
-    step: Step,
-    at: NDArray[np.float64],
-    place: NDArray[np.float64],
-    matrix: NDArray[np.float64],
-    target: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def _bridge(step: Step, at: Floats, place: Floats, matrix: Floats, target: Floats) -> tuple[Floats, Floats] | None:
     """Reach the preimage of the next target by shorter steps along the segment between the two."""
     done, fraction = 0.0, 0.5
     now = at

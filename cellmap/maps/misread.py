@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._compiled.codegen.expression import ImpureError
 from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.codegen.trace import State
 from .._compiled.kernels.blocks import LANES
+from .._lib.arrays import Floats
 from .coordinates import Coordinate
 
 
@@ -86,12 +86,7 @@ def lacking(functions: str, error: AttributeError) -> ValueError:
 
 
 def check_compiled(
-    name: str,
-    function: Callable[..., Any],
-    compiled: CompiledPeriod,
-    dimension: int,
-    p: NDArray[np.float64],
-    h: float,
+    name: str, function: Callable[..., Any], compiled: CompiledPeriod, dimension: int, p: Floats, h: float
 ) -> None:
     """Compare a function without known formulas with what has been compiled of it, at a few places.
 

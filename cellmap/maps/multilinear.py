@@ -9,8 +9,8 @@ from itertools import combinations_with_replacement, pairwise, permutations, pro
 from math import factorial, prod
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .coordinates import wrap
 from .orbit_batch import Orbits
 from .point_map import PointMap
@@ -31,24 +31,24 @@ class MultilinearForms:
     equations, else from differences of Jacobian matrices, and are known to the third order.
     """
 
-    tensors: tuple[NDArray[np.float64], ...]
+    tensors: tuple[Floats, ...]
     exact: bool
 
     @property
-    def linear(self) -> NDArray[np.float64]:
+    def linear(self) -> Floats:
         """First derivatives A (2, n, d, d)."""
         return self.tensors[0]
 
-    def at(self, way: int, number: int) -> tuple[NDArray[np.float64], ...]:
+    def at(self, way: int, number: int) -> tuple[Floats, ...]:
         """Return the derivatives A, B, C, ... at one of the points, computed in one of the ways."""
         return tuple(t[way, number] for t in self.tensors)
 
 
 def multilinear_forms(
     point_map: PointMap,
-    points: NDArray[np.float64],
+    points: Floats,
     periods: int,
-    sizes: NDArray[np.float64],
+    sizes: Floats,
     once: bool = False,
     order: int = 3,
     part: tuple[int, int] = (0, 1),
@@ -68,7 +68,7 @@ def multilinear_forms(
         return _from_differences(parts[part[0]] if parts else lambda x: tangent(exact, x, periods), points, sizes)
     d, (n, states) = len(sizes), points.shape
     directions = directions_for(d, order)
-    found = tuple[list[NDArray[np.float64]], ...]([] for _ in range(order))
+    found = tuple[list[Floats], ...]([] for _ in range(order))
     # Curves so long that derivatives are no smaller than the absolute tolerance asks for.
     least = max(1.0, 1.0 / float(sizes.min()))
     for step, length in zip(filter(None, steps), (least, _LONGER * least), strict=False):
@@ -86,7 +86,7 @@ def multilinear_forms(
 
 
 @functools.cache
-def directions_for(d: int, order: int) -> NDArray[np.float64]:
+def directions_for(d: int, order: int) -> Floats:
     """Return directions (m, d), as many as a form of an order has coefficients, which its values there determine."""
     from scipy.linalg import qr
 
@@ -100,7 +100,7 @@ def directions_for(d: int, order: int) -> NDArray[np.float64]:
     return np.asarray(some[np.sort(chosen)])
 
 
-def _tensors(values: NDArray[np.float64], directions: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+def _tensors(values: Floats, directions: Floats, order: int) -> Floats:
     """Return the symmetric tensors (n, d, d, ...) of forms from their values (n, m, d) in directions (m, d)."""
     d = directions.shape[1]
     coefficients = np.einsum("cm,nmi->nic", np.linalg.pinv(_design(directions, order)), values)
@@ -111,7 +111,7 @@ def _tensors(values: NDArray[np.float64], directions: NDArray[np.float64], order
     return np.moveaxis(tensor, (-2, -1), (0, 1))
 
 
-def _design(directions: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+def _design(directions: Floats, order: int) -> Floats:
     """Return the matrix (m, c) from the c coefficients of a form of an order to its values in directions (m, d)."""
     indices = list(combinations_with_replacement(range(directions.shape[1]), order))
     weights = [factorial(order) // prod(factorial(index.count(i)) for i in set(index)) for index in indices]
@@ -119,9 +119,7 @@ def _design(directions: NDArray[np.float64], order: int) -> NDArray[np.float64]:
 
 
 def _from_differences(
-    tangent_map: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]],
-    points: NDArray[np.float64],
-    sizes: NDArray[np.float64],
+    tangent_map: Callable[[Floats], tuple[Floats, Floats]], points: Floats, sizes: Floats
 ) -> MultilinearForms:
     """Return derivatives from central differences of Jacobian matrices at three distances, extrapolated."""
     d, n = len(sizes), len(points)
@@ -130,7 +128,7 @@ def _from_differences(
     for k, pair in enumerate(pairs):
         offsets[k, list(pair)] = sizes[list(pair)]
 
-    def matrices(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    def matrices(places: Floats) -> Floats:
         found = tangent_map(places)[1][..., :d, :d]
         return np.asarray(found * sizes / sizes[:, None])
 
@@ -154,7 +152,7 @@ def _from_differences(
     return MultilinearForms((linear, quadratic, cubic), exact=False)
 
 
-def _extrapolated(ladder: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _extrapolated(ladder: list[Floats]) -> Floats:
     """Return the limit of differences at three distances, each half the one before."""
     first, second = ((4.0 * fine - coarse) / 3.0 for coarse, fine in pairwise(ladder))
     return np.asarray((16.0 * second - first) / 15.0)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .._compiled.kernels import periods
 from .._compiled.kernels.blocks import wrap_rows
+from .._lib.arrays import Bools, Floats, Ints
 
 CHUNK = 16384
 """Initial conditions in a slice of work.  Fixed, so that results do not depend on the number of threads."""
@@ -120,13 +121,13 @@ class Orbits:
     is shared by all parts of a batch.
     """
 
-    points: NDArray[np.float64]
-    rotations: NDArray[np.int64]
+    points: Floats
+    rotations: Ints
     status: NDArray[np.uint8]
     work: Work = field(default_factory=Work)
 
     @classmethod
-    def starting(cls, points: NDArray[np.float64]) -> Orbits:
+    def starting(cls, points: Floats) -> Orbits:
         """Begin orbits at the rows of an array, which is kept and changed."""
         return cls(points, np.zeros(points.shape, np.int64), np.zeros(len(points), np.uint8))
 
@@ -148,7 +149,7 @@ class Orbits:
         return len(self.points)
 
     @property
-    def alive(self) -> NDArray[np.bool_]:
+    def alive(self) -> Bools:
         """Orbits that have a point."""
         return self.status < _FIRST_END
 
@@ -163,7 +164,7 @@ class Orbits:
             yield some
             self[alive] = some
 
-    def wrap(self, lower: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
+    def wrap(self, lower: Floats, turn: Floats) -> None:
         """Wrap angles, and terminate orbits whose angle is so large that it has no phase."""
         if wrap_rows(self.points, self.rotations, lower, turn):
             self.end(np.flatnonzero(np.isnan(self.points).any(axis=1) & self.alive), Status.DIVERGED)

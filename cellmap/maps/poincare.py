@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._compiled.kernels.blocks import wrap_rows
+from .._lib.arrays import Floats
 from .._lib.checks import finite_number, one_of, shown
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
@@ -90,8 +91,8 @@ class Returns:
         A :class:`Status` for each orbit; NO_RETURN for one that has not returned after the longest time.
     """
 
-    points: NDArray[np.float64]
-    times: NDArray[np.float64]
+    points: Floats
+    times: Floats
     status: NDArray[np.uint8]
 
     def __repr__(self) -> str:
@@ -113,7 +114,7 @@ class SectionMap(PointMap):
     """
 
     section: tuple[str, float, int]
-    first_returns: Callable[[NDArray[np.float64]], tuple[NDArray[Any], ...]] = field(repr=False)
+    first_returns: Callable[[Floats], tuple[NDArray[Any], ...]] = field(repr=False)
 
     def returns(self, points: ArrayLike) -> Returns:
         """Return the points and times of the first returns of initial conditions on the section.
@@ -241,7 +242,7 @@ class Section(MapSpec[SectionMap]):
         coordinates = tuple(c for j, c in enumerate(system.axes) if j != self._place)
         lower, turn = turns_of(coordinates)
 
-        def first_returns(points: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
+        def first_returns(points: Floats) -> tuple[NDArray[Any], ...]:
             images, times, status, _ = trip(points)
             rotations = np.zeros(images.shape, np.int64)
             if wrap_rows(images, rotations, lower, turn):
@@ -256,7 +257,7 @@ class Section(MapSpec[SectionMap]):
                     now.points[:], now.status[:] = images, np.maximum(now.status, status)
                     now.rotations += rotations
 
-        def tangent(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        def tangent(points: Floats) -> tuple[Floats, Floats]:
             carried = replace(trip, motion=derivatives_of(system.name, self._tangent_motion))
             images, _, _, matrices = carried(points.reshape(-1, len(coordinates)))
             assert matrices is not None

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._compiled.kernels.blocks import wrap_rows
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import claim_memory, warn_caller, whole_number
 from .._lib.conversions import ShownAsHtml
 from .._lib.randomness import Rng, random_numbers
@@ -43,8 +44,8 @@ class Iterate:
         Names and units of the last axis.
     """
 
-    points: NDArray[np.float64]
-    rotations: NDArray[np.int64]
+    points: Floats
+    rotations: Ints
     status: NDArray[np.uint8]
     coordinates: tuple[Coordinate, ...]
 
@@ -52,11 +53,11 @@ class Iterate:
         parts = [f"{np.count_nonzero(self.status == s)} {s.name.lower()}" for s in Status if (self.status == s).any()]
         return f"Iterate({', '.join(parts)})"
 
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[np.float64]:
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Floats:
         return np.array(self.points, dtype=dtype) if copy or dtype is not None else self.points
 
     @property
-    def unwrapped(self) -> NDArray[np.float64]:
+    def unwrapped(self) -> Floats:
         """Unwrapped images, full rotations included, shape (..., dimension)."""
         return self.points + self.rotations * turns_of(self.coordinates)[1]
 
@@ -121,8 +122,8 @@ class PointMap(ShownAsHtml):
     tolerance: tuple[float, float] = (4e-16, 0.0)
     exact: PointMap | None = None
     table: CellTable | None = None
-    tangent: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]] | None = None
-    stretch: Callable[[Orbits, NDArray[np.float64], int], NDArray[np.float64]] | None = field(default=None, repr=False)
+    tangent: Callable[[Floats], tuple[Floats, Floats]] | None = None
+    stretch: Callable[[Orbits, Floats, int], Floats] | None = field(default=None, repr=False)
     cost: Cost = Cost()
     max_step: int = 1
     escapes: bool = False
@@ -182,7 +183,7 @@ class PointMap(ShownAsHtml):
             )
         return self.spec
 
-    def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, points: ArrayLike) -> Floats:
         """Return the images of points after one period, shape (..., dimension); NaN where there is none."""
         images = follow(self, points, 1)
         warn_of_tolerance(images.status, self.name, self.unknown_formulas)

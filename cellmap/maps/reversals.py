@@ -5,11 +5,11 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._compiled.codegen.evaluation import evaluated
 from .._compiled.codegen.expression import Expression, in_order
 from .._compiled.codegen.filippov import SwitchingTrace
+from .._lib.arrays import Floats
 from .._lib.checks import warn_caller
 from .formulas import Formulas
 
@@ -48,7 +48,7 @@ def _reversal(traced: SwitchingTrace) -> tuple[int, int] | None:
             if x not in reached or sides[0][j] is sides[1][j]:
                 continue
             both = [side[j] for side in sides]
-            inputs: dict[Expression, NDArray[np.float64]] = {}
+            inputs: dict[Expression, Floats] = {}
             for e in in_order(both):
                 if not e.arguments and e.operation != "constant":
                     drawn = rng.uniform(-2.0, 2.0, _SAMPLES)

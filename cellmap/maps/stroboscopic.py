@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .._compiled.codegen.methods import METHOD_NAMES
+from .._lib.arrays import Floats
 from .._lib.checks import finite_number, one_of, real_array, shown, whole_number
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
@@ -140,7 +141,7 @@ class Stroboscopic(MapSpec[PointMap]):
         """Return the map, without its specification."""
         system, motion = self.system, self.motion
 
-        def tangent(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        def tangent(points: Floats) -> tuple[Floats, Floats]:
             return tangent_by_lanes(derivatives_of(system.name, self._tangent_motion), points, system.dimension)
 
         return PointMap(
@@ -208,7 +209,7 @@ def method_of(point_map: PointMap) -> str:
     return point_map.spec.motion.kernel.method if isinstance(point_map.spec, Stroboscopic) else ""
 
 
-def carried(point_map: PointMap, points: NDArray[np.float64], phase: float) -> NDArray[np.float64]:
+def carried(point_map: PointMap, points: Floats, phase: float) -> Floats:
     """Return where the flow takes points (n, dimension) from the phase of a map until the next time of another one."""
     spec = point_map.without_table.spec
     if not isinstance(spec, Stroboscopic):

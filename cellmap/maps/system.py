@@ -8,12 +8,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .._compiled.codegen.captured import captured
 from .._compiled.codegen.expression import ImpureError
 from .._compiled.codegen.rebind import over_arrays
 from .._compiled.codegen.trace import State, StateChangedError, parameter_record
+from .._lib.arrays import Floats
 from .._lib.checks import finite_number, finite_points, parameter_values, real_array, shown, text
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
@@ -240,12 +241,12 @@ class ForcedSystem:
             raise ValueError(f"signs={signs!r}: give {len(own)}, one for each switching function")
         return tuple(self.rhs(t, self._state(x), self.parameters, chosen))
 
-    def fun(self, t: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def fun(self, t: float, y: Floats) -> Floats:
         """Return the right-hand side in the form that :func:`scipy.integrate.solve_ivp` takes."""
         return np.array(self.derivative(t, tuple(y)), dtype=float)
 
     @checked
-    def output(self, name: str, t: ArrayLike, states: ArrayLike) -> NDArray[np.float64]:
+    def output(self, name: str, t: ArrayLike, states: ArrayLike) -> Floats:
         """Return one of the `outputs` at given times and states.
 
         Parameters

@@ -7,8 +7,9 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from .._lib.stopping import check_stop
@@ -32,8 +33,8 @@ def derivatives_of(name: str, compiled: R | None) -> R:
 
 
 def tangent_by_lanes(
-    tangent_step: Callable[[Orbits], None], points: NDArray[np.float64], dimension: int, directions: int | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    tangent_step: Callable[[Orbits], None], points: Floats, dimension: int, directions: int | None = None
+) -> tuple[Floats, Floats]:
     """Return images (..., d) and derivatives (..., d, k) from a step of (x, v): a lane for each direction v.
 
     The directions are those of the first k coordinates, by default of all d.
@@ -51,11 +52,8 @@ def tangent_by_lanes(
 
 
 def tangent(
-    point_map: PointMap,
-    points: NDArray[np.float64],
-    periods: int | NDArray[np.int64] = 1,
-    states: int | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    point_map: PointMap, points: Floats, periods: int | Ints = 1, states: int | None = None
+) -> tuple[Floats, Floats]:
     """Return unwrapped images (..., d) after some periods and their derivatives (..., k, k) by the points.
 
     ``periods`` is one number for all points or one for each.  Derivatives are by all coordinates, or by the first k
@@ -87,7 +85,7 @@ def _tangent_step(exact: PointMap) -> Callable[[Orbits], None] | None:
 
 
 @checked
-def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArray[np.float64]:
+def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> Floats:
     """Return the Jacobian matrix of a map after some periods, with respect to the initial condition.
 
     Parameters
@@ -120,7 +118,7 @@ def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> NDArra
     return tangent(exact, initial_conditions, whole_number("periods", periods))[1]
 
 
-def _one_step(exact: PointMap, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _one_step(exact: PointMap, points: Floats) -> tuple[Floats, Floats]:
     if exact.tangent is not None:
         try:
             images, matrices = exact.tangent(points)
@@ -135,7 +133,7 @@ def _one_step(exact: PointMap, points: NDArray[np.float64]) -> tuple[NDArray[np.
     return follow(exact, points, 1).unwrapped, _central_differences(exact, points)
 
 
-def _central_differences(exact: PointMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _central_differences(exact: PointMap, points: Floats) -> Floats:
     """Derivative by symmetric differences at three distances."""
     columns = []
     centre = follow(exact, points, 1).unwrapped

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import claim_memory, finite_number, whole_number
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
@@ -41,8 +42,8 @@ class Trajectory:
     """
 
     system: ForcedSystem
-    times: NDArray[np.float64]
-    states: NDArray[np.float64]
+    times: Floats
+    states: Floats
     status: NDArray[np.uint8]
     samples: int
 
@@ -58,17 +59,17 @@ class Trajectory:
         return (len(self.times) - 1) // self.samples
 
     @property
-    def wrapped(self) -> NDArray[np.float64]:
+    def wrapped(self) -> Floats:
         """States with wrapped angles, shape (n, ..., dimension)."""
         return wrap(self.states, self.system.axes)
 
     @property
-    def strobe(self) -> NDArray[np.float64]:
+    def strobe(self) -> Floats:
         """Points of the stroboscopic map, angles wrapped, shape (periods + 1, ..., dimension)."""
         return wrap(self.states[:: self.samples], self.system.axes)
 
     @checked
-    def output(self, name: str) -> NDArray[np.float64]:
+    def output(self, name: str) -> Floats:
         """Return one of the system's outputs along the trajectory.
 
         Parameters
@@ -204,9 +205,7 @@ class Sampler:
         first = flow(spec.system, spec.motion.begin, length, rtol, atol, method, spec.max_steps)
         return [replace(first, begin=first.begin + k * length) for k in range(count - 1)]
 
-    def states(
-        self, places: NDArray[np.float64], periods: int, progress: bool = False
-    ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    def states(self, places: Floats, periods: int, progress: bool = False) -> tuple[Floats, NDArray[np.uint8]]:
         """Return states (times, count, d), with NaN once orbits have terminated, and statuses (count,)."""
         system, strobe, samples = self.spec.system, self.strobe, self.samples
         lower, turn = turns_of(system.axes)

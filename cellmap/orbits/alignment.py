@@ -5,8 +5,9 @@ from __future__ import annotations
 from math import log
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Bools, Floats
 from .._lib.checks import finite_number, whole_number
 from .._lib.randomness import Rng, random_numbers
 from .._lib.signatures import checked
@@ -131,14 +132,8 @@ def alignment_test(
 
 
 def _follow(
-    exact: PointMap,
-    begin: NDArray[np.float64],
-    transient: int,
-    first: NDArray[np.float64],
-    before: int,
-    length: int,
-    logs: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    exact: PointMap, begin: Floats, transient: int, first: Floats, before: int, length: int, logs: Floats
+) -> tuple[Floats, Floats, Bools]:
     """Fill in mean logarithms of the index in each part; return last points, mean change of volume, what has ended."""
     orbits = Orbits.starting(wrap(begin, exact.coordinates))
     exact.advance(orbits, transient)

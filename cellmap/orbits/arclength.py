@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Bools, Floats
 from .._lib.stopping import check_stop
 from .._lib.threads import progress_bar
 
-Problem = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+Problem = Callable[[Floats], tuple[Floats, Floats]]
 """Returns residuals (n,) and their derivatives (n, n + 1) at unknowns (n + 1,), all scaled to be of order 1."""
 
 _ITERATIONS = 10
@@ -34,9 +35,9 @@ _SLACK = 1e-13  # relative distance from the edge of a box that counts as roundi
 class SolutionPoint:
     """A solution (n + 1,), the derivatives (n, n + 1) there, and the unit tangent of the curve."""
 
-    unknowns: NDArray[np.float64]
-    derivatives: NDArray[np.float64]
-    tangent: NDArray[np.float64]
+    unknowns: Floats
+    derivatives: Floats
+    tangent: Floats
 
     @property
     def bordered(self) -> float:
@@ -44,7 +45,7 @@ class SolutionPoint:
         return float(np.linalg.det(np.vstack([self.derivatives, self.tangent])))
 
 
-def corrected(problem: Problem, guess: NDArray[np.float64], normal: NDArray[np.float64]) -> SolutionPoint | None:
+def corrected(problem: Problem, guess: Floats, normal: Floats) -> SolutionPoint | None:
     """Return the solution in the plane through a guess, by Newton's method; None where it does not converge.
 
     The tangent of the curve points along `normal`.
@@ -72,7 +73,7 @@ def corrected(problem: Problem, guess: NDArray[np.float64], normal: NDArray[np.f
     return None
 
 
-def tangent_of(derivatives: NDArray[np.float64], along: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def tangent_of(derivatives: Floats, along: Floats) -> Floats | None:
     """Return the unit vector that the derivatives (n, n + 1) map to zero, pointing along another."""
     try:
         found = np.linalg.solve(np.vstack([derivatives, along]), np.append(np.zeros(len(derivatives)), 1.0))
@@ -143,11 +144,11 @@ class ContinuationStep:
         place = self.located(test) if locate is None else locate()
         return place if place is not None and abs(test(place)) < _LOCATED * size else None
 
-    def along(self, unknowns: NDArray[np.float64]) -> float:
+    def along(self, unknowns: Floats) -> float:
         """Return how far along the tangent unknowns are."""
         return float(self.begin.tangent @ (unknowns - self.begin.unknowns))
 
-    def until(self, place: SolutionPoint, turns: NDArray[np.float64]) -> ContinuationStep | None:
+    def until(self, place: SolutionPoint, turns: Floats) -> ContinuationStep | None:
         """Return the step up to a point that it passes in the same direction, None if it does not.
 
         Unknowns with a period are angles.
@@ -162,7 +163,7 @@ class ContinuationStep:
 
 
 def continuation_steps(
-    problem: Problem, begin: SolutionPoint, longest: float, growing: NDArray[np.bool_]
+    problem: Problem, begin: SolutionPoint, longest: float, growing: Bools
 ) -> Generator[ContinuationStep, bool | None, None]:
     """Yield steps along a curve from a solution point, without end; stop where no step is short enough.
 
@@ -189,8 +190,8 @@ def continuation_steps(
 class Box:
     """Intervals of the parameters, which are the last unknowns, in units of the unknowns."""
 
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
+    lower: Floats
+    upper: Floats
 
     @classmethod
     def of(cls, intervals: ArrayLike, units: ArrayLike) -> Box:
@@ -245,8 +246,8 @@ def trace(
     longest: float,
     most: int,
     label: str | None = None,
-    growing: NDArray[np.bool_] | None = None,
-    circles: NDArray[np.float64] | None = None,
+    growing: Bools | None = None,
+    circles: Floats | None = None,
     visit: Visit = lambda step, may_refuse: None,
 ) -> tuple[list[SolutionPoint], str]:
     """Trace a curve from a solution point along its tangent; return its points and the reason why they end.

@@ -10,8 +10,8 @@ from math import inf, isclose, pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Complexes, Floats, Ints
 from .._lib.computed import computed_once
 from .._lib.conversions import ShownAsHtml
 from ..maps.coordinates import Coordinate
@@ -51,8 +51,8 @@ class Neighbourhood:
         factor of two periods if a multiplier is near -1; below 1.
     """
 
-    centres: NDArray[np.float64]
-    metrics: NDArray[np.float64]
+    centres: Floats
+    metrics: Floats
     contraction: float
 
 
@@ -71,13 +71,13 @@ class Cover:
         belongs to the set if it rests.  All boxes of the tube around invariant curves, in which orbits approach them.
     """
 
-    lower: NDArray[np.float64]
-    widths: NDArray[np.float64]
-    boxes: NDArray[np.int64]
-    certain: NDArray[np.bool_] | None = None
+    lower: Floats
+    widths: Floats
+    boxes: Ints
+    certain: Bools | None = None
 
     @computed_once
-    def corners(self) -> NDArray[np.int64]:
+    def corners(self) -> Ints:
         """Least and largest place of the boxes along each axis, shape (2, dimension)."""
         return np.stack([self.boxes.min(axis=0), self.boxes.max(axis=0)])
 
@@ -123,17 +123,17 @@ class Attractor(ShownAsHtml):
 
     kind: Kind
     period: int
-    points: NDArray[np.float64]
+    points: Floats
     rotations: tuple[int, ...]
-    multipliers: NDArray[np.complex128]
-    exponents: NDArray[np.float64]
+    multipliers: Complexes
+    exponents: Floats
     coordinates: tuple[Coordinate, ...]
     neighbourhood: Neighbourhood | None = None
     cover: Cover | None = None
     circle: InvariantCircle | None = None
     torus: InvariantTorus | None = None
     grazing_distance: float = inf
-    resolution: NDArray[np.float64] | None = None
+    resolution: Floats | None = None
 
     @property
     def grazes(self) -> bool:
@@ -205,7 +205,7 @@ def distinct_names(attractors: Sequence[Attractor]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _place(point: NDArray[np.float64], coordinates: Sequence[Coordinate], digits: int = 3) -> str:
+def _place(point: Floats, coordinates: Sequence[Coordinate], digits: int = 3) -> str:
     """Write a point with its angles in multiples of pi where they are whole ones; the branch cut has one name only."""
     texts = []
     for v, c in zip(point.tolist(), coordinates, strict=True):

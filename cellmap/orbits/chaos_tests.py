@@ -8,6 +8,7 @@ from math import log
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._lib.arrays import Bools, Floats
 from .._lib.checks import finite_number, whole_number
 from .._lib.signatures import checked
 from .._lib.student import student_factor
@@ -53,16 +54,16 @@ class ChaosTest:
     """
 
     verdict: NDArray[np.str_]
-    value: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    value: Floats
+    low: Floats
+    high: Floats
     confidence: float
     below: float
     above: float
     quantity: str
     periods: int
-    evidence: NDArray[np.float64]
-    at: NDArray[np.float64]
+    evidence: Floats
+    at: Floats
 
     def __repr__(self) -> str:
         counts = ", ".join(
@@ -73,12 +74,12 @@ class ChaosTest:
         return f"ChaosTest({self.quantity} over {self.periods} periods: {counts})"
 
     @property
-    def chaotic(self) -> NDArray[np.bool_]:
+    def chaotic(self) -> Bools:
         """Whether each orbit is found to be chaotic, shape (...)."""
         return np.asarray(self.verdict == CHAOTIC)
 
     @property
-    def regular(self) -> NDArray[np.bool_]:
+    def regular(self) -> Bools:
         """Whether each orbit is found to be regular within the resolution of the test, shape (...)."""
         return np.asarray(self.verdict == REGULAR)
 
@@ -168,13 +169,7 @@ def exponent_test(
 
 
 def settle_verdicts(
-    exact: PointMap,
-    ends: NDArray[np.float64],
-    ended: NDArray[np.bool_],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    below: float,
-    above: float,
+    exact: PointMap, ends: Floats, ended: Bools, low: Floats, high: Floats, below: float, above: float
 ) -> NDArray[np.str_]:
     """Return a verdict for each interval of a rate; "regular" for an orbit whose end closes, stable or not."""
     verdict = verdicts(low, high, below, above)
@@ -182,7 +177,7 @@ def settle_verdicts(
     return verdict
 
 
-def _closed(exact: PointMap, ends: NDArray[np.float64], ended: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _closed(exact: PointMap, ends: Floats, ended: Bools) -> Bools:
     """Tell which orbits come back to within rounding of where they were."""
     points = exact.orbit(np.where(ended[..., None], 0.0, ends), _LONGEST_RETURN).points
     turn = turns_of(exact.coordinates)[1]
@@ -192,7 +187,7 @@ def _closed(exact: PointMap, ends: NDArray[np.float64], ended: NDArray[np.bool_]
         return np.asarray((apart <= _ROUNDING * scale).all(axis=-1).any(axis=0) & ~ended)
 
 
-def verdicts(low: NDArray[np.float64], high: NDArray[np.float64], below: float, above: float) -> NDArray[np.str_]:
+def verdicts(low: Floats, high: Floats, below: float, above: float) -> NDArray[np.str_]:
     """Return a verdict for each interval; "undecided" where it is NaN."""
     verdict = np.full(low.shape, UNDECIDED)
     with np.errstate(invalid="ignore"):

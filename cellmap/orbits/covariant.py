@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from math import log
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Floats
 from .._lib.checks import claim_memory, whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, state_points, wrap
@@ -47,11 +48,11 @@ class CovariantVectors:
         State variables.
     """
 
-    points: NDArray[np.float64]
-    vectors: NDArray[np.float64]
-    growth: NDArray[np.float64]
-    exponents: NDArray[np.float64]
-    standard_errors: NDArray[np.float64]
+    points: Floats
+    vectors: Floats
+    growth: Floats
+    exponents: Floats
+    standard_errors: Floats
     dimensions: tuple[int, ...]
     transient: int
     name: str
@@ -76,7 +77,7 @@ class CovariantVectors:
         return int(np.count_nonzero(self.exponents > 0.0))
 
     @checked
-    def angles(self, first: int | None = None) -> NDArray[np.float64]:
+    def angles(self, first: int | None = None) -> Floats:
         """Return the smallest angle between the span of the first directions and that of the others, at each point.
 
         Parameters
@@ -200,13 +201,13 @@ def covariant_vectors(
     )
 
 
-def _errors(growth: NDArray[np.float64]) -> NDArray[np.float64]:
+def _errors(growth: Floats) -> Floats:
     """Return standard errors of mean growth (n, d), from the spread between parts of the orbit."""
     parts = np.array([part.mean(axis=0) for part in np.array_split(growth, GROUPS)])
     return np.asarray(parts.std(axis=0, ddof=1) / np.sqrt(GROUPS))
 
 
-def _alike(logs: NDArray[np.float64]) -> list[slice]:
+def _alike(logs: Floats) -> list[slice]:
     """Return the neighbouring directions of a frame whose growth (n, d) cannot be distinguished.
 
     Of two vectors that a matrix without a second eigenvector carries, one grows n^2 times as much as the other that is
@@ -219,9 +220,7 @@ def _alike(logs: NDArray[np.float64]) -> list[slice]:
     return [slice(begin, end) for begin, end in zip([0, *ends[:-1]], ends, strict=True)]
 
 
-def _forward(
-    exact: PointMap, place: NDArray[np.float64], turning: int, total: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _forward(exact: PointMap, place: Floats, turning: int, total: int) -> tuple[Floats, Floats, Floats]:
     """Return points (n, d), frames there and triangular factors (n, d, d) of so many steps, after some others."""
     d = len(place)
     points, frames, factors = np.empty((total, d)), np.empty((total, d, d)), np.empty((total, d, d))

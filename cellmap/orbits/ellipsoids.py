@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of
 from ..maps.orbit_batch import Orbits
@@ -15,12 +15,8 @@ _PARALLEL = 1e4  # condition of eigenvectors from which they make no metric
 
 
 def displaced(
-    point_map: PointMap,
-    centres: NDArray[np.float64],
-    shifts: NDArray[np.float64],
-    periods: NDArray[np.int64],
-    ends: NDArray[np.float64] | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    point_map: PointMap, centres: Floats, shifts: Floats, periods: Ints, ends: Floats | None = None
+) -> tuple[Floats, Bools]:
     """Return where states near centres are after some periods, and which of them (n, k) have an image.
 
     ``shifts`` (n, k, d) are the displacements from centres (n, d + m) that move by their own periods (n,), and those
@@ -44,7 +40,7 @@ def displaced(
     return after[..., :d], orbits.alive.reshape(n, k)
 
 
-def eigenvector_metrics(matrices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def eigenvector_metrics(matrices: Floats) -> tuple[Floats, Bools]:
     """Return metrics (n, d, d) with eigenvectors as axes, in which all directions weigh the same.
 
     And which of them are any good: close to a double eigenvalue eigenvectors are nearly parallel.
@@ -56,7 +52,7 @@ def eigenvector_metrics(matrices: NDArray[np.float64]) -> tuple[NDArray[np.float
     return 0.5 * (metrics + metrics.transpose(0, 2, 1)), good
 
 
-def summed_metric(matrix: NDArray[np.float64], contraction: float) -> NDArray[np.float64]:
+def summed_metric(matrix: Floats, contraction: float) -> Floats:
     """Return the metric (d, d) that is the sum of squared lengths under all powers of a matrix over a contraction.
 
     It weighs slow directions far more than fast ones, and is narrow along them where one approaches slowly.
@@ -68,7 +64,7 @@ def summed_metric(matrix: NDArray[np.float64], contraction: float) -> NDArray[np
     return np.asarray(0.5 * (total + total.T))
 
 
-def directions(dimension: int, around: int, beyond: int) -> NDArray[np.float64]:
+def directions(dimension: int, around: int, beyond: int) -> Floats:
     """Return unit vectors that cover the sphere: exact steps around a circle, a fixed random set beyond the plane."""
     if dimension == 1:
         return np.array([[1.0], [-1.0]])

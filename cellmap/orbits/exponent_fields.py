@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._compiled.kernels.stretching import append_steps
+from .._lib.arrays import Floats
 from .._lib.checks import claim_memory, whole_number
 from .._lib.conversions import ConvertsToXarray
 from .._lib.signatures import checked
@@ -51,9 +51,9 @@ class ExponentField(ConvertsToXarray):
         Wall time and number of steps.
     """
 
-    forward: NDArray[np.float64]
-    backward: NDArray[np.float64]
-    images: NDArray[np.float64]
+    forward: Floats
+    backward: Floats
+    images: Floats
     periods: int
     period: float
     grid: CellGrid
@@ -70,7 +70,7 @@ class ExponentField(ConvertsToXarray):
         return f"ExponentField({self.name}, {self.periods} periods on {self.grid.shape}: {span}{lost})"
 
     @property
-    def per_time(self) -> NDArray[np.float64]:
+    def per_time(self) -> Floats:
         """Forward exponents per unit of time, shape of the grid."""
         return self.forward / self.period
 
@@ -156,9 +156,7 @@ def finite_time_exponents(
     )
 
 
-def growth(
-    exact: PointMap, places: NDArray[np.float64], periods: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def growth(exact: PointMap, places: Floats, periods: int) -> tuple[Floats, Floats, Floats]:
     """Return logarithms of the largest growth forward (n,) and backward (n,) of places, and the images (n, d)."""
     n, d = places.shape
     lost = np.zeros(n, bool)

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from math import gcd
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Complexes, Floats, Ints
 from ..maps.compiled_advance import recorded
 from ..maps.coordinates import Coordinate, difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
@@ -65,13 +66,13 @@ class InvariantCircle:
 
     frequency: float
     frequency_error: float
-    rotation_numbers: NDArray[np.float64]
-    rotation_errors: NDArray[np.float64]
-    coefficients: NDArray[np.complex128]
+    rotation_numbers: Floats
+    rotation_errors: Floats
+    coefficients: Complexes
     invariance_error: float
     cycle_period: float = np.nan
 
-    def points(self, phases: ArrayLike, coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+    def points(self, phases: ArrayLike, coordinates: Sequence[Coordinate]) -> Floats:
         """Return points of the curves at some phases (n,) between 0 and 1, shape (curves, n, dimension)."""
         harmonics = np.arange(self.coefficients.shape[-1]) - self.coefficients.shape[-1] // 2
         waves = np.exp(2j * np.pi * np.outer(harmonics, np.asarray(phases, dtype=float)))
@@ -86,11 +87,11 @@ class FittedCircle:
     """A circle, with the orbit that it was fitted to: points (n, dimension) one step after the other."""
 
     circle: InvariantCircle
-    orbit: NDArray[np.float64]
+    orbit: Floats
 
 
 def fitted_circle(
-    point_map: PointMap, state: NDArray[np.float64], extent: NDArray[np.float64], age: int, slow: bool = True
+    point_map: PointMap, state: Floats, extent: Floats, age: int, slow: bool = True
 ) -> tuple[FittedCircle | None, int]:
     """Return the invariant circle to which an orbit comes; else None, and a period after which it all but closes.
 
@@ -148,7 +149,7 @@ def fitted_circle(
     return best, 0
 
 
-def recorded_orbit(point_map: PointMap, orbits: Orbits, number: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def recorded_orbit(point_map: PointMap, orbits: Orbits, number: int) -> tuple[Floats, Ints]:
     """Move one orbit on by a number of steps; return where it has been, and its full rotations there."""
     points, rotations = [orbits.points.copy()], [orbits.rotations.copy()]
     for places, turned, _ in recorded(point_map.advance, orbits, number):
@@ -187,15 +188,13 @@ class Resonance:
     round: float
     numbers: tuple[float, ...] = ()
 
-    def later(self, history: NDArray[np.float64], point_map: PointMap, extent: NDArray[np.float64]) -> Resonance | None:
+    def later(self, history: Floats, point_map: PointMap, extent: Floats) -> Resonance | None:
         """Return the same of a longer orbit, which may pass parts of the curve quickly; None where it comes to rest."""
         ways = np.linalg.norm(_shift(history, self.denominator, point_map, extent), axis=1)
         return _drifting(self.denominator, ways, history, point_map, extent, _AT_REST)
 
 
-def resonance_of(
-    history: NDArray[np.float64], point_map: PointMap, extent: NDArray[np.float64], lasting: float = _LASTING
-) -> Resonance | None:
+def resonance_of(history: Floats, point_map: PointMap, extent: Floats, lasting: float = _LASTING) -> Resonance | None:
     """Return the resonance near which an orbit (n, dimension) drifts along a closed curve, None where it does not.
 
     It may drift unevenly, but must not slow down as an orbit does that comes to rest.
@@ -209,20 +208,13 @@ def resonance_of(
     return None
 
 
-def _shift(
-    history: NDArray[np.float64], q: int, point_map: PointMap, extent: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _shift(history: Floats, q: int, point_map: PointMap, extent: Floats) -> Floats:
     """Return where each point of an orbit is q steps later, as seen from it."""
     return np.asarray(difference(history[q:], history[:-q], point_map.coordinates) / extent)
 
 
 def _drifting(
-    q: int,
-    ways: NDArray[np.float64],
-    history: NDArray[np.float64],
-    point_map: PointMap,
-    extent: NDArray[np.float64],
-    lasting: float,
+    q: int, ways: Floats, history: Floats, point_map: PointMap, extent: Floats, lasting: float
 ) -> Resonance | None:
     quarter, mean = len(ways) // 4, float(ways.mean())
     if not (ways[-quarter:].mean() > lasting * ways[:quarter].mean() and mean > _SEEN):
@@ -231,7 +223,7 @@ def _drifting(
     return Resonance(q, 2.0 * float((curve_size(history, point_map.coordinates) / extent).max()) / mean)
 
 
-def drift(point_map: PointMap, state: NDArray[np.float64], extent: NDArray[np.float64]) -> Resonance | None:
+def drift(point_map: PointMap, state: Floats, extent: Floats) -> Resonance | None:
     """Return the resonance near which the orbit of a state drifts slowly, with its rotation numbers; None for none."""
     orbits = Orbits.starting(state[None].copy())
     history, rotations = recorded_orbit(point_map, orbits, _STAGES[-1][0])
@@ -250,30 +242,28 @@ def drift(point_map: PointMap, state: NDArray[np.float64], extent: NDArray[np.fl
     return replace(found, numbers=tuple(np.where(turn > 0, (full + moved) / whole, 0.0).tolist()))
 
 
-def bump(number: int) -> NDArray[np.float64]:
+def bump(number: int) -> Floats:
     """Return weights of a number of points, smooth and flat at both ends, whose sum is 1."""
     t = np.arange(1.0, number + 1.0) / (number + 1.0)
     weights = np.exp(-1.0 / (t * (1.0 - t)))
     return np.asarray(weights / weights.sum())
 
 
-def _return(history: NDArray[np.float64], point_map: PointMap, extent: NDArray[np.float64]) -> int:
+def _return(history: Floats, point_map: PointMap, extent: Floats) -> int:
     """Return the number of steps after which the orbit's end is where it was, to a part of 1e-6; 0 for none."""
     apart = np.abs(difference(history[-2::-1], history[-1], point_map.coordinates) / extent).max(axis=-1)
     closest = np.flatnonzero(apart <= 1e-6 * np.minimum(apart.max(), 1.0))
     return int(closest[0]) + 1 if len(closest) else 0
 
 
-def signals_of(points: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.complex128]:
+def signals_of(points: Floats, coordinates: Sequence[Coordinate]) -> Complexes:
     """Return signals that are continuous along an orbit: points on the unit circle for angles."""
     turn = turns_of(coordinates)[1]
     around = np.where(turn > 0, turn, 1.0)
     return np.asarray(np.where(turn > 0, np.exp(2j * np.pi * points / around), points + 0j))
 
 
-def _fit(
-    point_map: PointMap, history: NDArray[np.float64], rotations: NDArray[np.int64], harmonics: int
-) -> tuple[FittedCircle | None, bool]:
+def _fit(point_map: PointMap, history: Floats, rotations: Ints, harmonics: int) -> tuple[FittedCircle | None, bool]:
     """Fit one curve, or as few as possible, to an orbit; else tell whether a longer orbit may succeed."""
     signals = signals_of(history, point_map.coordinates)
     places = np.concatenate([signals.real, signals.imag], axis=1)
@@ -299,7 +289,7 @@ def _fit(
     return None, coarse
 
 
-def _order(places: NDArray[np.float64]) -> tuple[float, bool]:
+def _order(places: Floats) -> tuple[float, bool]:
     """Return the rotation number for which phases order the points on a curve, NaN if none does; and if that is near.
 
     The closest returns from either side of the first point happen after denominators q of neighbours p/q in a Farey
@@ -324,7 +314,7 @@ def _order(places: NDArray[np.float64]) -> tuple[float, bool]:
     return (frequency if jumps.max() <= _LARGEST_JUMP else np.nan), True
 
 
-def _refined(signals: NDArray[np.complex128], first: float) -> tuple[float, float]:
+def _refined(signals: Complexes, first: float) -> tuple[float, float]:
     """Refine a rotation number by the drift of a phase from one half of the orbit to the other; also its error."""
     number = len(signals)
     centred = signals - signals.mean(axis=0)
@@ -339,7 +329,7 @@ def _refined(signals: NDArray[np.complex128], first: float) -> tuple[float, floa
             best = float(scaled.max()), k, int(scaled.argmax())
     _, k, j = best
 
-    def drifted(signal: NDArray[np.complex128], frequency: float) -> float:
+    def drifted(signal: Complexes, frequency: float) -> float:
         half = len(signal) // 2
         carrier = np.exp(-2j * np.pi * ((k * frequency * np.arange(2 * half)) % 1.0)) * signal[: 2 * half]
         early, late = (bump(half) * carrier[:half]).sum(), (bump(half) * carrier[half:]).sum()
@@ -352,7 +342,7 @@ def _refined(signals: NDArray[np.complex128], first: float) -> tuple[float, floa
     return value % 1.0, abs(value - rough) + 1e-15
 
 
-def _series(signals: NDArray[np.complex128], frequency: float, harmonics: int) -> NDArray[np.complex128]:
+def _series(signals: Complexes, frequency: float, harmonics: int) -> Complexes:
     """Return the Fourier coefficients (dimension, 2 harmonics + 1) of signals (n, dimension) along an orbit."""
     from scipy.linalg import solve_toeplitz
 
@@ -371,9 +361,7 @@ def _series(signals: NDArray[np.complex128], frequency: float, harmonics: int) -
     return np.asarray(solve_toeplitz((gram, gram.conj()), right)).T
 
 
-def rotation_numbers_of(
-    point_map: PointMap, history: NDArray[np.float64], rotations: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def rotation_numbers_of(point_map: PointMap, history: Floats, rotations: Ints) -> tuple[Floats, Floats]:
     """Return the mean full rotations of each angle per step, and their errors; 0 for other coordinates."""
     turn = turns_of(point_map.coordinates)[1]
     around = np.where(turn > 0, turn, 1.0)
@@ -417,7 +405,7 @@ def measured(point_map: PointMap, circle: InvariantCircle) -> InvariantCircle:
     return replace(circle, invariance_error=error if np.isfinite(error) else np.inf)
 
 
-def curve_size(points: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+def curve_size(points: Floats, coordinates: Sequence[Coordinate]) -> Floats:
     """Return the extent of points (n, dimension) of a curve; along an angle no more than its period."""
     turn = turns_of(coordinates)[1]
     shift = difference(points, points[0], coordinates)

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Complexes, Floats
 from ..maps.coordinates import Coordinate, difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
@@ -54,32 +55,32 @@ class InvariantTorus:
     Laskar, Physica D 67 (1993) 257; Das, Saiki, Sander, Yorke, Nonlinearity 30 (2017) 4111.
     """
 
-    frequencies: NDArray[np.float64]
-    frequency_errors: NDArray[np.float64]
-    rotation_numbers: NDArray[np.float64]
-    rotation_errors: NDArray[np.float64]
-    coefficients: NDArray[np.complex128]
+    frequencies: Floats
+    frequency_errors: Floats
+    rotation_numbers: Floats
+    rotation_errors: Floats
+    coefficients: Complexes
     invariance_error: float
 
-    def points(self, phases: ArrayLike, coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+    def points(self, phases: ArrayLike, coordinates: Sequence[Coordinate]) -> Floats:
         """Return points of the torus at some phases (n, 2) between 0 and 1, shape (n, dimension)."""
         first, second = np.asarray(phases, dtype=float).T
         values = np.einsum("dkl,kn,ln->nd", self.coefficients, self.waves(first), self.waves(second), optimize=True)
         return places_of(values, coordinates)
 
-    def waves(self, phases: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def waves(self, phases: Floats) -> Complexes:
         """Return all harmonics (2 * harmonics + 1, n) of one of the phases (n,)."""
         harmonics = np.arange(self.coefficients.shape[-1]) - self.coefficients.shape[-1] // 2
         return np.asarray(np.exp(2j * np.pi * np.outer(harmonics, phases)))
 
 
-def places_of(values: NDArray[np.complex128], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+def places_of(values: Complexes, coordinates: Sequence[Coordinate]) -> Floats:
     """Return the coordinates (..., dimension) that values of the series stand for."""
     turn = turns_of(coordinates)[1]
     return wrap(np.where(turn > 0, np.angle(values) * (turn / (2 * np.pi)), values.real), coordinates)
 
 
-def fitted_torus(point_map: PointMap, state: NDArray[np.float64]) -> InvariantTorus | None:
+def fitted_torus(point_map: PointMap, state: Floats) -> InvariantTorus | None:
     """Return the invariant torus of two frequencies on which an orbit moves; None where there is none.
 
     Two lines of the spectrum of an orbit of 4096 points have to explain all strong ones as their combinations, without
@@ -104,7 +105,7 @@ def fitted_torus(point_map: PointMap, state: NDArray[np.float64]) -> InvariantTo
     return None
 
 
-def _basis(signals: NDArray[np.complex128]) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
+def _basis(signals: Complexes) -> tuple[Floats | None, Floats]:
     """Return two lines of which all strong lines of signals (n, d) are combinations, and their errors; else None."""
     lines, errors = _lines(signals)
     for i, j in itertools.combinations(range(len(lines)), 2):
@@ -117,7 +118,7 @@ def _basis(signals: NDArray[np.complex128]) -> tuple[NDArray[np.float64] | None,
     return None, np.zeros(2)
 
 
-def _lines(signals: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _lines(signals: Complexes) -> tuple[Floats, Floats]:
     """Return the frequencies of the strongest lines, mirror images left out, and their errors, the strongest first."""
     number = len(signals)
     weights = bump(number)[:, None]
@@ -144,7 +145,7 @@ def _lines(signals: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArra
     return np.array(lines), np.array(errors)
 
 
-def _drifted(signal: NDArray[np.complex128], frequency: float) -> float:
+def _drifted(signal: Complexes, frequency: float) -> float:
     """Correct a frequency by the drift of its phase from one half of a signal to the other."""
     half = len(signal) // 2
     carrier = np.exp(-2j * np.pi * ((frequency * np.arange(2 * half)) % 1.0)) * signal[: 2 * half]
@@ -152,7 +153,7 @@ def _drifted(signal: NDArray[np.complex128], frequency: float) -> float:
     return frequency + float(np.angle(late * early.conjugate())) / (2 * np.pi * half)
 
 
-def _related(frequencies: NDArray[np.float64], errors: NDArray[np.float64]) -> bool:
+def _related(frequencies: Floats, errors: Floats) -> bool:
     """Tell whether a combination of both frequencies with small whole numbers is a whole number."""
     k = np.arange(-_LONGEST_RELATION, _LONGEST_RELATION + 1)
     first, second = (grid.ravel() for grid in np.meshgrid(k, k, indexing="ij"))
@@ -162,15 +163,13 @@ def _related(frequencies: NDArray[np.float64], errors: NDArray[np.float64]) -> b
     return bool((moved & (np.abs(total - np.round(total)) <= allowed)).any())
 
 
-def _series(
-    signals: NDArray[np.complex128], frequencies: NDArray[np.float64], harmonics: int
-) -> NDArray[np.complex128]:
+def _series(signals: Complexes, frequencies: Floats, harmonics: int) -> Complexes:
     """Return the Fourier coefficients (d, 2 h + 1, 2 h + 1) of signals (n, d) that fit best along an orbit."""
     number, d = signals.shape
     size, times = 2 * harmonics + 1, np.arange(number)
     weights = bump(number)
 
-    def waves(most: int, frequency: float) -> NDArray[np.complex128]:
+    def waves(most: int, frequency: float) -> Complexes:
         return np.asarray(np.exp(-2j * np.pi * ((np.outer(np.arange(-most, most + 1), times) * frequency) % 1.0)))
 
     first, second = waves(2 * harmonics, frequencies[0]), waves(2 * harmonics, frequencies[1])

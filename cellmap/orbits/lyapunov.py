@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._compiled.kernels.frames import ROUNDING
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import claim_memory, finite_number, whole_number
 from .._lib.signatures import checked
 from .._lib.student import student_factor
@@ -60,12 +61,12 @@ class LyapunovSpectrum:
         State variables.
     """
 
-    exponents: NDArray[np.float64]
-    standard_errors: NDArray[np.float64]
-    growth: NDArray[np.float64]
-    steps: NDArray[np.int64]
-    ends: NDArray[np.float64]
-    directions: NDArray[np.float64]
+    exponents: Floats
+    standard_errors: Floats
+    growth: Floats
+    steps: Ints
+    ends: Floats
+    directions: Floats
     status: NDArray[np.uint8]
     period: float
     transient: int
@@ -80,33 +81,33 @@ class LyapunovSpectrum:
         return f"LyapunovSpectrum({self.name}: {values} per step; {self.ended.size} orbits{lost} of {self.steps[-1]})"
 
     @property
-    def ended(self) -> NDArray[np.bool_]:
+    def ended(self) -> Bools:
         """Whether each orbit terminated before its last period, shape (...)."""
         return self.status >= Status.ESCAPED
 
     @property
-    def per_time(self) -> NDArray[np.float64]:
+    def per_time(self) -> Floats:
         """Exponents per unit of time, shape (..., d): those per step divided by the period."""
         return self.exponents / self.period
 
     @property
-    def per_time_errors(self) -> NDArray[np.float64]:
+    def per_time_errors(self) -> Floats:
         """Standard errors per unit of time, shape (..., d)."""
         return self.standard_errors / self.period
 
     @property
-    def convergence(self) -> NDArray[np.float64]:
+    def convergence(self) -> Floats:
         """Exponents per step over the first ``steps`` periods, shape (m, ..., d)."""
-        total: NDArray[np.float64] = np.cumsum(self.growth, axis=0)
+        total: Floats = np.cumsum(self.growth, axis=0)
         return total / self.steps.reshape(-1, *(1,) * (total.ndim - 1))
 
     @property
-    def sums(self) -> NDArray[np.float64]:
+    def sums(self) -> Floats:
         """Sums of the exponents per step, shape (...): the mean logarithm of the growth factor of volumes."""
         return np.asarray(self.exponents.sum(axis=-1))
 
     @property
-    def lyapunov_time(self) -> NDArray[np.float64]:
+    def lyapunov_time(self) -> Floats:
         """Lyapunov time, in which small errors grow by a factor e, shape (...); infinite if no exponent is above 0."""
         largest = self.per_time[..., 0]
         with np.errstate(divide="ignore"):
@@ -114,7 +115,7 @@ class LyapunovSpectrum:
         return np.where(np.isnan(largest), np.nan, times)
 
     @property
-    def pooled(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def pooled(self) -> tuple[Floats, Floats]:
         """Mean exponents per step over all orbits that did not terminate, and their standard errors, shape (d,) each.
 
         The standard error is that between orbits or that within them, whichever is larger.  The mean is meaningful only
@@ -132,7 +133,7 @@ class LyapunovSpectrum:
         return rows.mean(axis=0), np.maximum(inner, between)
 
     @checked
-    def interval(self, confidence: float = 0.95) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def interval(self, confidence: float = 0.95) -> tuple[Floats, Floats]:
         """Return confidence intervals of the exponents per step (Student's distribution), shape (..., d) each."""
         confidence = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
         reach = student_factor(confidence, GROUPS - 1) * self.standard_errors
@@ -239,13 +240,13 @@ def lyapunov_spectrum(
 
 def _along(
     exact: PointMap,
-    begin: NDArray[np.float64],
+    begin: Floats,
     transient: int,
-    steps: NDArray[np.int64],
-    growth: NDArray[np.float64],
+    steps: Ints,
+    growth: Floats,
     part: slice,
     tick: Callable[[int], object],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]:
+) -> tuple[Floats, Floats, NDArray[np.uint8]]:
     """Fill in the growth along some orbits; return their last points, their frames and their statuses."""
     d, aligning = exact.dimension, min(transient, _ALIGNING)
     orbits = Orbits.starting(wrap(begin, exact.coordinates))
@@ -263,7 +264,7 @@ def _along(
     return orbits.points, frames, orbits.status
 
 
-def stretched(exact: PointMap, orbits: Orbits, frames: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
+def stretched(exact: PointMap, orbits: Orbits, frames: Floats, periods: int) -> Floats:
     """Move orbits and their frames on; return the logarithms (n, d) of what the frames have grown by."""
     if exact.stretch is not None:
         try:
@@ -279,7 +280,7 @@ def stretched(exact: PointMap, orbits: Orbits, frames: NDArray[np.float64], peri
         orbits.points[:] = wrap(images, exact.coordinates)
         orbits.end(gone, Status.DIVERGED)
         usable = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
-        moved: NDArray[np.float64] = np.where(usable[:, None, None], matrices, np.eye(exact.dimension)) @ frames
+        moved: Floats = np.where(usable[:, None, None], matrices, np.eye(exact.dimension)) @ frames
         frames[:], upper = np.linalg.qr(moved)
         sizes = np.abs(np.diagonal(upper, axis1=-2, axis2=-1))
         noise = ROUNDING * np.abs(moved).max(axis=(-2, -1))[:, None]
@@ -289,7 +290,7 @@ def stretched(exact: PointMap, orbits: Orbits, frames: NDArray[np.float64], peri
     return total
 
 
-def _errors(growth: NDArray[np.float64], steps: NDArray[np.int64]) -> NDArray[np.float64]:
+def _errors(growth: Floats, steps: Ints) -> Floats:
     """Standard errors of mean growth per step (n, d), from the spread of the means over groups of stretches."""
     lengths = np.diff(steps, prepend=0)
     first = np.linspace(0, len(steps), GROUPS + 1).round().astype(np.int64)[:-1]

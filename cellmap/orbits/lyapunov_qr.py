@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats
 from .._lib.threads import run_over, slices
 from ..maps.orbit_batch import CHUNK
 from ..maps.point_map import PointMap
@@ -14,12 +14,12 @@ BLOCKS = 10
 """Stretches of an orbit whose means tell the standard error; the first of as many is left out while frames align."""
 
 
-def is_positive(largest: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.bool_]:
+def is_positive(largest: Floats, errors: Floats) -> Bools:
     """Tell which largest exponents are evidence of chaos: above 1e-3 per step and five standard errors."""
     return np.asarray(largest > np.maximum(5.0 * errors, 1e-3))
 
 
-def exponents_along(matrices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def exponents_along(matrices: Floats) -> tuple[Floats, Floats]:
     """Return exponents (n, d) per step of orbits, the largest first, and their standard errors (n, d), by QR factors.
 
     ``matrices`` (n, steps, d, d) are the derivatives of at least 20 steps.  The errors are those of the means over
@@ -44,7 +44,7 @@ def exponents_along(matrices: NDArray[np.float64]) -> tuple[NDArray[np.float64],
     return np.take_along_axis(exponents, order, axis=-1), np.take_along_axis(errors, order, axis=-1)
 
 
-def stretching(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+def stretching(matrices: Floats) -> Floats:
     """Return the logarithms (steps, n, d) by which each step stretches frames that are carried along and kept square.
 
     ``matrices`` (n, steps, d, d) are the derivatives; NaN for an orbit of which one is not finite.
@@ -62,7 +62,7 @@ def stretching(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
     return logs
 
 
-def exponents_of_cycles(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+def exponents_of_cycles(matrices: Floats) -> Floats:
     """Return the exponents (n, d) per step of periodic orbits, the largest first, from their multipliers.
 
     ``matrices`` (n, period, d, d) are the derivatives of the steps of one period of the cycle.  Minus infinity for a
@@ -90,9 +90,7 @@ def exponents_of_cycles(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
     return -np.sort(-logs / period, axis=-1)
 
 
-def swept_derivatives(
-    exact: PointMap, swept: PointMap, name: str, points: NDArray[np.float64], values: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def swept_derivatives(exact: PointMap, swept: PointMap, name: str, points: Floats, values: Floats) -> Floats:
     """Return the derivatives of one step (m, d, d) at points (m, d), each for its own value of the parameter."""
     d = exact.dimension
     matrices = np.empty((len(points), d, d))

@@ -5,7 +5,8 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+
+from .._lib.arrays import Complexes, Floats, Ints
 
 MARGIN = 1e-8
 """A multiplier nearer to the unit circle than this counts as on it."""
@@ -15,15 +16,13 @@ _APART = 1e2  # ratio of growth factors from which multipliers are computed one 
 _SWEEPS = 12
 
 
-def unstable_count(multipliers: NDArray[np.complex128], margin: float = MARGIN) -> NDArray[np.int64]:
+def unstable_count(multipliers: Complexes, margin: float = MARGIN) -> Ints:
     """Return how many multipliers (..., d) are outside the unit circle; -1 where they are not known."""
     modulus = np.abs(multipliers)
     return np.where(np.isnan(modulus).any(axis=-1), -1, np.count_nonzero(modulus > 1.0 + margin, axis=-1))
 
 
-def multipliers_of(
-    matrices: NDArray[np.float64], determinants: NDArray[np.float64] | None = None
-) -> NDArray[np.complex128]:
+def multipliers_of(matrices: Floats, determinants: Floats | None = None) -> Complexes:
     """Return the eigenvalues (..., d) of matrices (..., d, d), the largest modulus first; NaN where not finite.
 
     Of a pair the one above the real axis comes first.  Determinants (...) that are known better than the matrices tell
@@ -42,7 +41,7 @@ def multipliers_of(
     return found
 
 
-def multipliers_of_product(factors: NDArray[np.float64]) -> NDArray[np.complex128]:
+def multipliers_of_product(factors: Floats) -> Complexes:
     """Return the eigenvalues (d,) of the product of matrices (n, d, d), the last one on the left, largest first.
 
     Each has nearly all of its digits, whatever the others are: an orthogonal frame is carried around until it is
@@ -75,12 +74,12 @@ def multipliers_of_product(factors: NDArray[np.float64]) -> NDArray[np.complex12
     return values[np.lexsort((-values.imag, -values.real, -np.abs(values)))]
 
 
-def multipliers_along(factors: NDArray[np.float64]) -> NDArray[np.complex128]:
+def multipliers_along(factors: Floats) -> Complexes:
     """Return the eigenvalues (d,) of the product of one matrix or several (n, d, d), largest first."""
     return multipliers_of(factors[0]) if len(factors) == 1 else multipliers_of_product(factors)
 
 
-def pairs_beside_one(multipliers: NDArray[np.complex128]) -> NDArray[np.float64]:
+def pairs_beside_one(multipliers: Complexes) -> Floats:
     """Return the products (...) of mu_i mu_j - 1 over all pairs of multipliers (..., d); 1 where there are no pairs.
 
     They change their sign where a complex pair passes the unit circle, and where two real ones have the product 1.
@@ -89,14 +88,14 @@ def pairs_beside_one(multipliers: NDArray[np.complex128]) -> NDArray[np.float64]
     return np.asarray(np.prod(multipliers[..., i] * multipliers[..., j] - 1.0, axis=-1).real)
 
 
-def pair_on_circle(multipliers: NDArray[np.complex128]) -> tuple[int, int]:
+def pair_on_circle(multipliers: Complexes) -> tuple[int, int]:
     """Return the numbers of the two of some multipliers (d,), d > 1, whose product is nearest to 1."""
     i, j = np.triu_indices(len(multipliers), 1)
     nearest = int(np.argmin(np.abs(multipliers[i] * multipliers[j] - 1.0)))
     return int(i[nearest]), int(j[nearest])
 
 
-def _of_two(matrices: NDArray[np.float64], determinant: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _of_two(matrices: Floats, determinant: Floats) -> Complexes:
     """Eigenvalues of 2 x 2 matrices: the smaller from the determinant, without a difference of nearly equal numbers."""
     (a, b), (c, e) = np.moveaxis(matrices, 0, -1)
     half = 0.5 * (a + e)

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.grazing import grazing_distance
@@ -35,24 +35,20 @@ _STABLE = 1.0 - 1e-8
 _UNSTABLE = 1.0 + 1e-3  # largest multiplier from which the derivative of Newton's last step proves a point unstable
 _HOPELESS = 1e6  # and from which a guess is in the midst of chaos, and no attracting point is close
 
-Equations = Callable[[NDArray[np.int64], NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+Equations = Callable[[Ints, Floats], tuple[Floats, Floats]]
 """Returns the residuals (m, d) of some rows (m,) at points (m, d), and their derivatives (m, d, d)."""
 
 
 class Solutions(NamedTuple):
     """Points (n, d), the derivatives (n, d, d) at the last point before each, and which of them are solutions (n,)."""
 
-    points: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-    settled: NDArray[np.bool_]
+    points: Floats
+    slopes: Floats
+    settled: Bools
 
 
 def solutions(
-    equations: Equations,
-    guesses: NDArray[np.float64],
-    extent: NDArray[np.float64],
-    reach: float | NDArray[np.float64] = np.inf,
-    damped: bool = False,
+    equations: Equations, guesses: Floats, extent: Floats, reach: float | Floats = np.inf, damped: bool = False
 ) -> Solutions:
     """Solve d equations in d unknowns from guesses (n, d) by Newton's method, each until its steps stop falling.
 
@@ -114,7 +110,7 @@ def solutions(
     return Solutions(points, slopes, settled)
 
 
-def _is_last(lengths: NDArray[np.float64], before: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _is_last(lengths: Floats, before: Floats) -> Bools:
     """Return where the next step would be rounding, by quadratic convergence, from the lengths of the last two.
 
     Close to a fold, or to a critical point of the map, convergence is quadratic only at the very end.
@@ -126,13 +122,13 @@ def _is_last(lengths: NDArray[np.float64], before: NDArray[np.float64]) -> NDArr
 
 def newton(
     point_map: PointMap,
-    guesses: NDArray[np.float64],
-    periods: NDArray[np.int64],
-    extent: NDArray[np.float64],
+    guesses: Floats,
+    periods: Ints,
+    extent: Floats,
     reach: float = 0.5,
     attracting: bool = False,
     damped: bool = False,
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+) -> tuple[Floats, Bools]:
     """Solve P^period(x) = x, up to full rotations of angles, from guesses (n, d), each for its period.
 
     Coordinates (n, d + m) beyond those that have an extent (d,) are parameters, and held.  A solution farther than
@@ -145,9 +141,7 @@ def newton(
     exact, d = point_map.without_table, len(extent)
     held, identity, first = guesses[:, d:], np.eye(d), attracting
 
-    def equations(
-        rows: NDArray[np.int64], points: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def equations(rows: Ints, points: Floats) -> tuple[Floats, Floats]:
         nonlocal first
         places = np.concatenate([points, held[rows]], axis=-1)
         images, matrices = tangent(exact, places, periods[rows], d)
@@ -169,18 +163,16 @@ def newton(
     return wrap(np.concatenate([points, held], axis=-1), exact.coordinates), settled
 
 
-def _largest_multiplier(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+def _largest_multiplier(matrices: Floats) -> Floats:
     return np.asarray(np.abs(np.linalg.eigvals(matrices)).max(axis=-1, initial=0.0))
 
 
-def resolution(points: NDArray[np.float64], extent: NDArray[np.float64]) -> NDArray[np.float64]:
+def resolution(points: Floats, extent: Floats) -> Floats:
     """Size against which differences of points count as small: their own, or 1, or that of a smaller region."""
     return np.asarray(np.abs(points) + np.minimum(extent, 1.0))
 
 
-def return_distances(
-    point_map: PointMap, states: NDArray[np.float64], most: int, extent: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def return_distances(point_map: PointMap, states: Floats, most: int, extent: Floats) -> Floats:
     """Return the distance of states (n, d + m) from their images after 1, ..., `most` periods, shape (most, n).
 
     Coordinates beyond those that have an extent (d,) are not looked at; orbits that end are infinitely far away.
@@ -194,9 +186,7 @@ def return_distances(
     return distance
 
 
-def followed(
-    exact: PointMap, points: NDArray[np.float64], periods: NDArray[np.int64], d: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+def followed(exact: PointMap, points: Floats, periods: Ints, d: int) -> tuple[Floats, Floats, Ints]:
     """Return orbits (n, most, d + m), derivatives (n, most, d, d) of each step, and full rotations up to each.
 
     ``points`` (n, d + m) are their first points, which move by the periods; m parameters are held.
@@ -217,9 +207,7 @@ def followed(
     return orbit, matrices, rotations
 
 
-def least_periods(
-    exact: PointMap, orbit: NDArray[np.float64], periods: NDArray[np.int64], same: NDArray[np.float64]
-) -> NDArray[np.int64]:
+def least_periods(exact: PointMap, orbit: Floats, periods: Ints, same: Floats) -> Ints:
     """Return the least periods (n,) of closed orbits (n, most, d + m), whose points are one within lengths (..., d)."""
     least = periods.copy()
     for q in range(orbit.shape[1] - 1, 0, -1):
@@ -230,9 +218,7 @@ def least_periods(
     return least
 
 
-def closed_orbit(
-    point_map: PointMap, point: NDArray[np.float64], period: int, extent: NDArray[np.float64]
-) -> PeriodicOrbit:
+def closed_orbit(point_map: PointMap, point: Floats, period: int, extent: Floats) -> PeriodicOrbit:
     """Return the orbit through a periodic point, with its least period, begun at its point nearest the origin."""
     exact, rounds = point_map.without_table, np.array([period])
     orbit, steps, turned = followed(exact, np.array(point[None], dtype=float), rounds, exact.dimension)
@@ -253,9 +239,7 @@ def closed_orbit(
     return PeriodicOrbit(period, points, rotations, matrix, multipliers, exact.coordinates, exact.params, grazing)
 
 
-def stable_orbit(
-    point_map: PointMap, point: NDArray[np.float64], period: int, extent: NDArray[np.float64]
-) -> Attractor | None:
+def stable_orbit(point_map: PointMap, point: Floats, period: int, extent: Floats) -> Attractor | None:
     """Return the attractor through a periodic point; None where its multipliers do not prove it stable."""
     orbit = closed_orbit(point_map, point, period, extent)
     if not np.abs(orbit.multipliers[0]) < _STABLE:

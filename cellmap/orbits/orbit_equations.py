@@ -6,8 +6,8 @@ import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Complexes, Floats, Ints
 from .._lib.checks import known_parameter
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.parameters_as_states import Swept, swept_map
@@ -31,7 +31,7 @@ class OrbitProblem:
     point_map: PointMap
     swept: PointMap
     period: int
-    scale: NDArray[np.float64]
+    scale: Floats
 
     @property
     def dimension(self) -> int:
@@ -54,29 +54,29 @@ class OrbitProblem:
         return self.states // self.dimension
 
     @property
-    def around(self) -> NDArray[np.float64]:
+    def around(self) -> Floats:
         """Periods of the state variables that are angles, 0 for the others."""
         return turns_of(self.point_map.coordinates)[1]
 
     @property
-    def circles(self) -> NDArray[np.float64]:
+    def circles(self) -> Floats:
         """Periods of the unknowns in their units, 0 for those that are not angles."""
         turns = np.tile(self.around, self.states // self.dimension)
         return np.append(turns, np.zeros(len(self.scale) - self.states)) / self.scale
 
     @property
-    def growing(self) -> NDArray[np.bool_]:
+    def growing(self) -> Bools:
         """State variables on the line: their natural size is theirs along the branch."""
         return np.append(
             np.tile(self.around, self.states // self.dimension) == 0, np.zeros(len(self.scale) - self.states, bool)
         )
 
     @property
-    def parameter_direction(self) -> NDArray[np.float64]:
+    def parameter_direction(self) -> Floats:
         """Unit vector along the last parameter."""
         return np.eye(len(self.scale))[-1]
 
-    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def __call__(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Return residuals (..., d) and their derivatives (..., d, d + m) at unknowns (..., d + m)."""
         d = self.dimension
         state = unknowns * self.scale
@@ -89,24 +89,24 @@ class OrbitProblem:
         slopes = (matrices[..., :d, :] - np.eye(d, len(self.scale))) * self.scale / self.scale[:d, None]
         return residual, slopes
 
-    def cycle(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def cycle(self, unknowns: Floats) -> Floats:
         """Return the states at the nodes, with the parameters (..., n, d + m), of unknowns (..., n d + m)."""
         given = unknowns * self.scale
         nodes = given[..., : self.states].reshape(*given.shape[:-1], self.nodes, self.dimension)
         q = given[..., None, self.states :]
         return np.concatenate([nodes, np.broadcast_to(q, (*nodes.shape[:-1], q.shape[-1]))], axis=-1)
 
-    def factors(self, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+    def factors(self, slopes: Floats) -> Floats:
         """Return the derivatives (..., n, d, d) from each node to the next one, from those of the equations."""
         d, n = self.dimension, self.nodes
         blocks = np.stack([slopes[..., k * d : (k + 1) * d, k * d : (k + 1) * d] for k in range(n)], axis=-3)
         return blocks + np.eye(d) if n == 1 else blocks
 
-    def matrix(self, place: SolutionPoint) -> NDArray[np.float64]:
+    def matrix(self, place: SolutionPoint) -> Floats:
         """Return the monodromy matrix, in units of `scale`; its small eigenvalues are lost beside large ones."""
         return functools.reduce(lambda product, factor: factor @ product, self.factors(place.derivatives))
 
-    def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
+    def multipliers(self, place: SolutionPoint) -> Complexes:
         """Return the multipliers, by decreasing modulus."""
         return multipliers_of(self.matrix(place))
 
@@ -126,13 +126,13 @@ class OrbitProblem:
         """Return the largest factor by which a deviation grows between two places at which the orbit is known."""
         return float(np.linalg.norm(self.factors(place.derivatives), axis=(1, 2)).max())
 
-    def twisted(self, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+    def twisted(self, slopes: Floats) -> Floats:
         """Return derivatives by the states with the sign of the last node's image changed: singular at a doubling."""
         block, d = slopes[:, : self.states].copy(), self.dimension
         block[-d:, :d] += 2.0 * np.eye(d)
         return block
 
-    def flipped(self, place: SolutionPoint) -> NDArray[np.float64]:
+    def flipped(self, place: SolutionPoint) -> Floats:
         """Return the direction, in all unknowns, in which an orbit of twice the period leaves a period doubling."""
         null = np.linalg.svd(self.twisted(place.derivatives))[2][-1]
         return np.append(null, np.zeros(len(self.scale) - self.states))
@@ -146,26 +146,24 @@ class OrbitProblem:
         """Return the equations of orbits of some times the period, in units of their own."""
         return replace(self, period=rounds * self.period, scale=np.append(shrinking * self.scale[:-1], span))
 
-    def repeated(self, unknowns: NDArray[np.float64], rounds: int, sign: float = 1.0) -> NDArray[np.float64]:
+    def repeated(self, unknowns: Floats, rounds: int, sign: float = 1.0) -> Floats:
         """Return unknowns, in their units, of an orbit that is followed several times, with a sign after each."""
         return unknowns
 
-    def once(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def once(self, unknowns: Floats) -> Floats:
         """Return the first state and the parameters (d + m,) of unknowns in their units."""
         return np.append(unknowns[: self.dimension], unknowns[self.states :])
 
-    def through(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
+    def through(self, state: Floats) -> Floats:
         """Return the unknowns of the orbit through a state and parameters (d + m,)."""
         return state / self.scale
 
-    def opened(self, born: OrbitProblem, unknowns: NDArray[np.float64]) -> float:
+    def opened(self, born: OrbitProblem, unknowns: Floats) -> float:
         """Return by how much an orbit of twice the period, a solution of other equations, fails to close after one."""
         gap = self(unknowns * born.scale / self.scale)[0]
         return float(np.linalg.norm(gap * self.scale[:-1] / born.scale[:-1]))
 
-    def orbit_between(
-        self, first: NDArray[np.float64], second: NDArray[np.float64], share: float, value: float
-    ) -> PeriodicOrbit | None:
+    def orbit_between(self, first: Floats, second: Floats, share: float, value: float) -> PeriodicOrbit | None:
         """Return the orbit at a value of the parameter, between neighbours given by their unknowns in their units."""
         apart, turns = second - first, self.circles * self.scale
         apart = apart - turns * np.round(apart / np.where(turns > 0, turns, 1.0))
@@ -173,22 +171,20 @@ class OrbitProblem:
         place = corrected(self, guess, self.parameter_direction)
         return None if place is None else self.orbit_at(place.unknowns)
 
-    def map_at(self, unknowns: NDArray[np.float64]) -> PointMap:
+    def map_at(self, unknowns: Floats) -> PointMap:
         """Return the map with the parameters of a solution."""
         spec, values = self.swept.specified, (unknowns * self.scale)[self.states :]
         assert isinstance(spec, Swept)
         return self.point_map.with_params(**dict(zip(spec.names, values.tolist(), strict=True)))
 
-    def orbit_at(self, unknowns: NDArray[np.float64]) -> PeriodicOrbit:
+    def orbit_at(self, unknowns: Floats) -> PeriodicOrbit:
         """Return the orbit of a solution, with its parameters."""
         sizes, exact = self.scale[: self.dimension], self.map_at(unknowns)
         state = wrap(unknowns[: self.dimension] * sizes, exact.coordinates)
         return closed_orbit(exact, state, self.period, sizes)
 
 
-def begin_orbit(
-    point_map: PointMap, orbit: PeriodicOrbit | Attractor, name: str
-) -> tuple[PointMap, NDArray[np.float64], int]:
+def begin_orbit(point_map: PointMap, orbit: PeriodicOrbit | Attractor, name: str) -> tuple[PointMap, Floats, int]:
     """Return the exact map, a point of the orbit and its period; refuse what is no periodic orbit of the map."""
     if not isinstance(point_map, PointMap):
         raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
@@ -205,11 +201,11 @@ def begin_orbit(
 
 def orbit_problem(
     exact: PointMap,
-    state: NDArray[np.float64],
+    state: Floats,
     period: int,
     names: tuple[str, ...],
     spans: tuple[float, ...],
-    sizes: NDArray[np.float64] | None = None,
+    sizes: Floats | None = None,
 ) -> OrbitProblem:
     """Return the equations of a periodic orbit near a state, scaled by coordinates' natural sizes and by the spans."""
     swept = swept_map(exact, *names)
@@ -227,16 +223,14 @@ def orbit_problem(
     return OrbitProblem(exact, swept, period, np.append(sizes, spans))
 
 
-def natural_sizes(exact: PointMap, state: NDArray[np.float64], period: int) -> NDArray[np.float64]:
+def natural_sizes(exact: PointMap, state: Floats, period: int) -> Floats:
     """Return the natural sizes of displacements (d,) at a state: a radian, or the size of the state, or 1."""
     matrix = tangent(exact, state, period)[1]
     still = np.column_stack([matrix, np.zeros(len(state))])
     return _sizes(state, still, turns_of(exact.coordinates)[1], (1.0,))
 
 
-def _sizes(
-    state: NDArray[np.float64], matrices: NDArray[np.float64], turn: NDArray[np.float64], spans: tuple[float, ...]
-) -> NDArray[np.float64]:
+def _sizes(state: Floats, matrices: Floats, turn: Floats, spans: tuple[float, ...]) -> Floats:
     """Return the natural sizes of displacements (d,), where those of coupled coordinates have given ratios.
 
     A radian for an angle; else the size of the state, or what it drifts by over the spans of the parameters.
@@ -258,7 +252,7 @@ def _sizes(
     return sizes
 
 
-def _coupled(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _coupled(matrix: Floats) -> tuple[Floats, Ints]:
     """Return ratios (d,) of displacements that go together, and the group (d,) of coordinates in which they do.
 
     Balancing the derivative makes its entries comparable where coordinates act on each other.  Where one acts on
@@ -274,9 +268,7 @@ def _coupled(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
     return ratios, connected_components(linked, connection="strong")[1]
 
 
-def _sizes_together(
-    state: NDArray[np.float64], furthest: NDArray[np.float64], turn: NDArray[np.float64], ratios: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _sizes_together(state: Floats, furthest: Floats, turn: Floats, ratios: Floats) -> Floats:
     """Return the natural sizes of coordinates that are coupled."""
     angles = turn > 0
     if angles.any():

@@ -8,8 +8,8 @@ from enum import StrEnum
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Complexes, Floats
 from .._lib.checks import real_array, shown
 from ..maps.coordinates import Coordinate
 from ..maps.grazing import GRAZING
@@ -59,10 +59,10 @@ class PeriodicOrbit:
     """
 
     period: int
-    points: NDArray[np.float64]
+    points: Floats
     rotations: tuple[int, ...]
-    matrix: NDArray[np.float64]
-    multipliers: NDArray[np.complex128]
+    matrix: Floats
+    multipliers: Complexes
     coordinates: tuple[Coordinate, ...]
     params: Mapping[str, float]
     grazing_distance: float = inf
@@ -78,7 +78,7 @@ class PeriodicOrbit:
         return self.grazing_distance <= GRAZING
 
     @property
-    def _moduli(self) -> NDArray[np.float64]:
+    def _moduli(self) -> Floats:
         return np.abs(self.multipliers)
 
     @property
@@ -118,12 +118,12 @@ class PeriodicOrbit:
         return tuple(t / self.period for t in self.rotations)
 
     @property
-    def jury(self) -> NDArray[np.float64]:
+    def jury(self) -> Floats:
         """Jury's margins of `matrix`, shape (dimension + 1,): the orbit is stable if all are above zero."""
         return jury_margins(self.matrix)
 
 
-def jury_margins(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def jury_margins(matrix: Floats) -> Floats:
     """Return the margins of Jury's criterion: all eigenvalues lie inside the unit circle if and only if all exceed 0.
 
     Parameters

@@ -5,8 +5,9 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Floats
 from .._lib.checks import claim_memory, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
@@ -77,9 +78,7 @@ def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> Pe
     return closed_orbit(point_map, found[np.argmin(away)], rounds, extent)
 
 
-def _from_guess(
-    exact: PointMap, state: NDArray[np.float64], rounds: int, extent: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _from_guess(exact: PointMap, state: Floats, rounds: int, extent: Floats) -> Floats:
     """Return the points (n, d) of orbits that Newton's method finds from a guess, in one segment and in several."""
     points, settled = newton(exact, state[None], np.array([rounds]), extent, np.inf, damped=True)
     growth = float(np.linalg.norm(tangent(exact, state, rounds)[1]))
@@ -99,9 +98,7 @@ def _from_guess(
     return np.concatenate([points[settled], firsts[found]])
 
 
-def _away(
-    point_map: PointMap, points: NDArray[np.float64], guess: NDArray[np.float64], extent: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _away(point_map: PointMap, points: Floats, guess: Floats, extent: Floats) -> Floats:
     """Return the distances (n,) of points from a guess, in extents."""
     return np.asarray(np.abs(difference(points, guess, point_map.coordinates) / extent).max(axis=-1))
 
@@ -176,12 +173,12 @@ def find_periodic_orbits(
 class _Known:
     """Orbits found so far, and whether a point is on one of them."""
 
-    def __init__(self, point_map: PointMap, extent: NDArray[np.float64]) -> None:
+    def __init__(self, point_map: PointMap, extent: Floats) -> None:
         self.orbits: list[PeriodicOrbit] = []
         self._coordinates, self._extent = point_map.coordinates, extent
         self._points = np.empty((0, point_map.dimension))
 
-    def __contains__(self, point: NDArray[np.float64]) -> bool:
+    def __contains__(self, point: Floats) -> bool:
         apart = np.abs(difference(self._points, point, self._coordinates))
         return bool((apart <= _SAME * resolution(point, self._extent)).all(axis=-1).any())
 
@@ -190,21 +187,19 @@ class _Known:
         self._points = np.concatenate([self._points, orbit.points])
 
 
-def _extent(point_map: PointMap, span: NDArray[np.float64]) -> NDArray[np.float64]:
+def _extent(point_map: PointMap, span: Floats) -> Floats:
     turn = turns_of(point_map.coordinates)[1]
     return np.where(turn > 0, turn, span)
 
 
-def _is_inside(grid: CellGrid, point: NDArray[np.float64]) -> bool:
+def _is_inside(grid: CellGrid, point: Floats) -> bool:
     lower, upper = np.array(grid.lower), np.array(grid.upper)
     slack = 1e-9 * (upper - lower)
     wraps = np.array(grid.wraps)
     return bool((wraps | ((point >= lower - slack) & (point <= upper + slack))).all())
 
 
-def _guesses(
-    point_map: PointMap, grid: CellGrid, centres: NDArray[np.float64], images: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _guesses(point_map: PointMap, grid: CellGrid, centres: Floats, images: Floats) -> Floats:
     """Return places near which P^n(x) = x, from the images of the centres of all cells."""
     d, shape = grid.dimension, (*grid.shape, grid.dimension)
     widths = np.asarray(grid.widths, dtype=float)
@@ -226,7 +221,7 @@ def _guesses(
     return np.concatenate([centres[flat] + step.reshape(-1, d)[flat], centres[least.ravel() & ~flat]])
 
 
-def _differences(moved: NDArray[np.float64], axis: int, grid: CellGrid, point_map: PointMap) -> NDArray[np.float64]:
+def _differences(moved: Floats, axis: int, grid: CellGrid, point_map: PointMap) -> Floats:
     """Return central differences along an axis for one cell, one-sided at the ends of an interval."""
     ahead = difference(np.roll(moved, -1, axis), moved, point_map.coordinates)
     behind = np.roll(ahead, 1, axis)
@@ -237,7 +232,7 @@ def _differences(moved: NDArray[np.float64], axis: int, grid: CellGrid, point_ma
     return 0.5 * (ahead + behind)
 
 
-def _neighbour(size: NDArray[np.float64], offset: tuple[int, ...], grid: CellGrid) -> NDArray[np.float64]:
+def _neighbour(size: Floats, offset: tuple[int, ...], grid: CellGrid) -> Floats:
     """Return for each cell the value of its neighbour, infinity beyond the window."""
     moved = size
     for axis, k in enumerate(offset):

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Complexes, Floats
 from ..maps.coordinates import wrap
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
@@ -24,7 +24,7 @@ _SAMPLES = 32  # of a step of the map, in which the size of an orbit shows
 LARGEST_GROWTH = 1e6
 """Growth of deviations between two nodes from which there should be more of them."""
 
-TangentMap = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+TangentMap = Callable[[Floats], tuple[Floats, Floats]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class ShootingProblem(OrbitProblem):
         return spec is not None and single.period * count > 1 and spec.parts(count) is not None
 
     @classmethod
-    def of(cls, single: OrbitProblem, count: int, place: NDArray[np.float64], sized: bool) -> ShootingProblem:
+    def of(cls, single: OrbitProblem, count: int, place: Floats, sized: bool) -> ShootingProblem:
         """Return the equations with each step of the map in `count` parts, near the orbit through a place (d + m,).
 
         The natural size of a coordinate that is no angle is the largest on the orbit, unless sizes are given.
@@ -67,12 +67,12 @@ class ShootingProblem(OrbitProblem):
         """Number of parts into which each step of the map is divided."""
         return len(self.parts)
 
-    def through(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
+    def through(self, state: Floats) -> Floats:
         """Return the unknowns of the orbit through a state and parameters (d + m,), by integration."""
         nodes = _nodes(self, self.parts, state)
         return np.append(nodes.ravel(), state[self.dimension :]) / self.scale
 
-    def __call__(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def __call__(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Return residuals (..., n d) and their derivatives (..., n d, n d + m) at unknowns (..., n d + m)."""
         d, n, count = self.dimension, self.nodes, len(self.parts)
         batch, states = unknowns.shape[:-1], self.cycle(unknowns)
@@ -109,18 +109,18 @@ class ShootingProblem(OrbitProblem):
         sizes = np.tile(np.sqrt(rounds) * shrinking * self.scale[:-1], rounds)
         return replace(self, period=rounds * self.period, scale=np.append(sizes, span))
 
-    def repeated(self, unknowns: NDArray[np.float64], rounds: int, sign: float = 1.0) -> NDArray[np.float64]:
+    def repeated(self, unknowns: Floats, rounds: int, sign: float = 1.0) -> Floats:
         """Return unknowns, in their units, of an orbit that is followed several times, with a sign after each."""
         states = self.states
         copies = [sign**k * unknowns[:states] for k in range(rounds)]
         return np.concatenate([*copies, unknowns[states:]])
 
-    def opened(self, born: OrbitProblem, unknowns: NDArray[np.float64]) -> float:
+    def opened(self, born: OrbitProblem, unknowns: Floats) -> float:
         """Return by how much an orbit of twice the period, a solution of other equations, fails to close after one."""
         first, second = unknowns[: born.states].reshape(2, -1)
         return float(np.linalg.norm(second - first))
 
-    def orbit_at(self, unknowns: NDArray[np.float64]) -> PeriodicOrbit:
+    def orbit_at(self, unknowns: Floats) -> PeriodicOrbit:
         """Return the orbit of a solution, with its parameters."""
         exact, place = self.map_at(unknowns), SolutionPoint(unknowns, self(unknowns)[1], unknowns)
         d, n, count, axes = self.dimension, self.nodes, len(self.parts), exact.coordinates
@@ -136,7 +136,7 @@ class ShootingProblem(OrbitProblem):
         points, multipliers = nodes[::count], self.multipliers(place)
         return PeriodicOrbit(self.period, points, rotations, matrix, multipliers, axes, exact.params)
 
-    def multipliers(self, place: SolutionPoint) -> NDArray[np.complex128]:
+    def multipliers(self, place: SolutionPoint) -> Complexes:
         """Return the multipliers, by decreasing modulus."""
         return multipliers_of_product(self.factors(place.derivatives))
 
@@ -158,7 +158,7 @@ class ShootingProblem(OrbitProblem):
         return float(np.prod((products - 1.0) / (1.0 + np.abs(products))).real)
 
 
-def _nodes(problem: OrbitProblem, parts: tuple[TangentMap, ...], state: NDArray[np.float64]) -> NDArray[np.float64]:
+def _nodes(problem: OrbitProblem, parts: tuple[TangentMap, ...], state: Floats) -> Floats:
     """Return the nodes (n, d) of the orbit through a state and parameters (d + m,), by integration."""
     d, place = problem.dimension, state.copy()
     nodes = np.empty((problem.period * len(parts), d))
@@ -168,7 +168,7 @@ def _nodes(problem: OrbitProblem, parts: tuple[TangentMap, ...], state: NDArray[
     return nodes
 
 
-def _largest_on(single: OrbitProblem, state: NDArray[np.float64]) -> NDArray[np.float64]:
+def _largest_on(single: OrbitProblem, state: Floats) -> Floats:
     """Return natural sizes (d,): for coordinates that are no angles at least the largest value on the orbit."""
     spec, sizes = single.swept.specified, single.scale[: single.dimension]
     parts = spec.parts(_SAMPLES) or spec.parts(1)

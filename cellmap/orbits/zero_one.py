@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from math import pi
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Floats
 from .._lib.checks import affordable_number, finite_number, of_the_user, real_array, shown, whole_number
 from .._lib.randomness import Rng, random_numbers
 from .._lib.signatures import checked
@@ -28,7 +29,7 @@ def zero_one_test(
     initial_conditions: ArrayLike,
     periods: int = 2000,
     transient: int = 500,
-    observable: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
+    observable: Callable[[Floats], Floats] | None = None,
     n_frequencies: int = 100,
     confidence: float = 0.95,
     *,
@@ -173,7 +174,7 @@ def zero_one_test_of_series(
     )
 
 
-def _correlations(series: NDArray[np.float64], frequencies: NDArray[np.float64]) -> NDArray[np.float64]:
+def _correlations(series: Floats, frequencies: Floats) -> Floats:
     """Correlation of mean square displacement and time for each frequency; 0 for a constant."""
     swing = series - series.mean()  # so that no oscillating term has to be taken out of the displacement
     if np.abs(swing).max() <= _ROUNDING * max(np.abs(series).max(), 1e-300):
@@ -194,13 +195,13 @@ def _correlations(series: NDArray[np.float64], frequencies: NDArray[np.float64])
     return np.asarray(np.where(norm > 0.0, around @ time / np.where(norm > 0.0, norm, 1.0), 0.0))
 
 
-def _observed(observable: Callable[..., object], path: NDArray[np.float64]) -> NDArray[np.float64]:
+def _observed(observable: Callable[..., object], path: Floats) -> Floats:
     if not callable(observable):
         raise TypeError(f"observable={shown(observable)}: give a function of points (..., d)")
     return real_array("observable", of_the_user("observable", observable, path), "a function that returns numbers")
 
 
-def _standardised(path: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+def _standardised(path: Floats, coordinates: Sequence[Coordinate]) -> Floats:
     """Sum of all coordinates in units of their standard deviations; those that rest count nothing."""
     total = np.zeros(path.shape[:-1])
     for j, c in enumerate(coordinates):

@@ -13,8 +13,8 @@ from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, FuncAnimatio
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import claim_memory, finite_number, shown, whole_number
 from .._lib.files import written_whole
 from .._lib.signatures import checked
@@ -124,7 +124,7 @@ def animate(
     return None
 
 
-def _joints(trajectory: Trajectory, output: str) -> NDArray[np.float64]:
+def _joints(trajectory: Trajectory, output: str) -> Floats:
     """Return the positions of pivot and tips, shape (n, orbits, joints, 2)."""
     system = trajectory.system
     if not isinstance(output, str) or output not in system.outputs:
@@ -165,7 +165,7 @@ def _writer(path: str | os.PathLike[str], frames_per_second: float, frames: int)
     raise ValueError(f"path={str(path)!r}: give the name of a file that ends in .gif or .mp4")
 
 
-def _scene(ax: Axes, trajectory: Trajectory, joints: NDArray[np.float64], trace: int) -> Callable[[int], list[Any]]:
+def _scene(ax: Axes, trajectory: Trajectory, joints: Floats, trace: int) -> Callable[[int], list[Any]]:
     """Set the stage; return the function that draws one moment on it."""
     low, high = np.nanmin(joints, axis=(0, 1, 2)), np.nanmax(joints, axis=(0, 1, 2))
     margin = 0.08 * float((high - low).max()) or 1.0

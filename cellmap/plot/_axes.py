@@ -16,6 +16,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MultipleLocator
 from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import is_sequence, shown, whole_number
 from ..basins.by_features import FeatureBasins
 from ..basins.record import Basins
@@ -63,7 +64,7 @@ def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:
         axis.set_major_formatter(FuncFormatter(lambda x, _: multiple_of_pi(x)))
 
 
-def mark_zeros(ax: Axes, zeros: Iterable[tuple[str, NDArray[np.float64]]]) -> None:
+def mark_zeros(ax: Axes, zeros: Iterable[tuple[str, Floats]]) -> None:
     """Mark zeros of functions by stars with their names."""
     for name, place in zeros:
         ax.plot(*place, "*", color="white", markeredgecolor="black", markersize=9.0, zorder=4)
@@ -108,7 +109,7 @@ def multiple_of_pi(x: float) -> str:
     return f"${sign}{count}\\pi{'' if d == 1 else f'/{d}'}$"
 
 
-def cut_at_branch_cuts(curve: NDArray[np.float64], coordinates: Sequence[Coordinate]) -> NDArray[np.float64]:
+def cut_at_branch_cuts(curve: Floats, coordinates: Sequence[Coordinate]) -> Floats:
     """Return an unwrapped curve (n, columns) with its angles within their period, interrupted at their branch cuts.
 
     The curve is straight between its points, two at least.  At each crossing it runs up to the branch cut, a row of NaN
@@ -130,7 +131,7 @@ def cut_at_branch_cuts(curve: NDArray[np.float64], coordinates: Sequence[Coordin
     return rows[kept]
 
 
-def _crossings(rounds: NDArray[np.float64]) -> NDArray[np.float64]:
+def _crossings(rounds: Floats) -> Floats:
     """Places on a curve, as fractional numbers of its points, at which a coordinate passes through whole numbers."""
     first, last = rounds[:-1], rounds[1:]
     lowest, highest = np.floor(np.minimum(first, last)) + 1, np.ceil(np.maximum(first, last)) - 1

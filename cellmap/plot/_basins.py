@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.signatures import checked
 from ..basins.by_features import FeatureBasins
 from ..basins.record import Basins
@@ -110,7 +110,7 @@ def _show_points(ax: Axes, basins: Basins | FeatureBasins, palette: Mapping[int,
         ax.set_yticks([])
 
 
-def _show_strip(ax: Axes, basins: Basins | FeatureBasins, colours: NDArray[np.float64], grid: CellGrid, j: int) -> None:
+def _show_strip(ax: Axes, basins: Basins | FeatureBasins, colours: Floats, grid: CellGrid, j: int) -> None:
     """Draw a line of cells along one coordinate as a strip of colours."""
     ends = (grid.lower[j], grid.upper[j])
     ax.imshow(colours.reshape(1, -1, 3), extent=(*ends, -0.5, 0.5), aspect="auto", interpolation="nearest")
@@ -118,7 +118,7 @@ def _show_strip(ax: Axes, basins: Basins | FeatureBasins, colours: NDArray[np.fl
     ax.set_yticks([])
 
 
-def painted(basins: Basins | FeatureBasins, palette: Mapping[int, Any], shade: bool) -> NDArray[np.float64]:
+def painted(basins: Basins | FeatureBasins, palette: Mapping[int, Any], shade: bool) -> Floats:
     """Colours of all cells, rows from bottom to top."""
     labels = np.squeeze(basins.labels).T
     image = np.empty((*labels.shape, 3))
@@ -151,7 +151,7 @@ def _mark_attractors(ax: Axes, basins: Basins | FeatureBasins, wide: list[int]) 
         ax.plot(*places.T, linestyle="none", scalex=False, scaley=False, **style)  # type: ignore[arg-type]
 
 
-def _across(points: NDArray[np.float64], wide: list[int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _across(points: Floats, wide: list[int]) -> tuple[Floats, Floats]:
     """Return where points lie on the axes; a single axis runs through the middle of a strip."""
     return points[:, wide[0]], points[:, wide[1]] if len(wide) == 2 else np.zeros(len(points))
 

@@ -6,8 +6,8 @@ from math import log
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.signatures import checked
 from ..analysis.fractal.entropy import BasinEntropy
 from ..analysis.fractal.randomness_test import FractalTest
@@ -85,7 +85,7 @@ def basin_entropy(result: BasinEntropy | FractalTest, *, ax: Axes | None = None)
     'entropy'
     """
     if isinstance(result, BasinEntropy):
-        values: NDArray[np.float64] = result.boxes[result.boxes > 0.0]
+        values: Floats = result.boxes[result.boxes > 0.0]
         mean, error, verdict = result.boundary_entropy, result.boundary_error, ""
         reference, meaning = log(2.0), "ln 2"
     elif isinstance(result, FractalTest):

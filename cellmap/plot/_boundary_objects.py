@@ -26,7 +26,7 @@ _MANIFOLD_COLOURS = {"stable": "#000000", "unstable": "#D55E00"}
 @checked
 def edge_orbit(
     edge: EdgeOrbit, *, basins: Basins | None = None, coordinates: tuple[int | str, int | str] = (0, 1),
-    ax: Axes | None = None,
+    ax: Axes | None = None
 ) -> Axes:  # fmt: skip
     """Draw a straddle orbit and the edge state at its end.
 
@@ -174,7 +174,7 @@ def boundary_distance(distance: BoundaryDistance, *, ax: Axes | None = None) -> 
 @checked
 def chaotic_saddle(
     saddle: ChaoticSaddle, *, coordinates: tuple[int | str, int | str] = (0, 1), basins: Basins | None = None,
-    ax: Axes | None = None, size: float = 1.0,
+    ax: Axes | None = None, size: float = 1.0
 ) -> Axes:  # fmt: skip
     """Draw the points of a chaotic saddle; for a map of one coordinate, each point against its successor.
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats
 from .._lib.signatures import checked
 from ..bifurcations.branch import Bifurcation, Branch
 from ..bifurcations.function_zeros import FunctionZero
@@ -142,8 +142,8 @@ class _Trace:
     between its points, and ``kinds`` (n) what happens at them, if anything does.
     """
 
-    curves: NDArray[np.float64]
-    stable: NDArray[np.bool_]
+    curves: Floats
+    stable: Bools
     kinds: list[BifurcationKind | FunctionZero | None]
     axes: tuple[Coordinate, Coordinate]
 
@@ -172,7 +172,7 @@ class _Trace:
         span = float(np.ptp(self.curves[..., 1]))
         return span if turn is None else min(span, turn)
 
-    def pieces(self, stable: bool) -> NDArray[np.float64]:
+    def pieces(self, stable: bool) -> Floats:
         """Return the stable or the unstable pieces (m, 2), with rows of NaN where the pen is lifted."""
         chosen = np.flatnonzero(self.stable == stable)
         runs = np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1) if len(chosen) else []
@@ -185,7 +185,7 @@ class _Trace:
         ]
         return np.concatenate(rows[:-1]) if rows else np.empty((0, 2))
 
-    def marks(self, kind: BifurcationKind | FunctionZero) -> NDArray[np.float64]:
+    def marks(self, kind: BifurcationKind | FunctionZero) -> Floats:
         """Return the places (m, 2) of bifurcations of one kind, or of a zero."""
         here = [k for k, other in enumerate(self.kinds) if other is kind]
         places = self.curves[:, here].reshape(-1, 2).copy()
@@ -197,13 +197,13 @@ class _Trace:
 
 def _places(
     branch: Branch, birth: Bifurcation | None
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], list[BifurcationKind | FunctionZero | None]]:
+) -> tuple[Floats, Floats, Bools, list[BifurcationKind | FunctionZero | None]]:
     """Return the parameter (n,), states (n, d), and the bifurcations and zeros (n) there, from its birth on.
 
     Also whether the pieces (n - 1) between them are stable.
     """
     values: list[float] = [] if birth is None else [birth.value]
-    states: list[NDArray[np.float64]] = [] if birth is None else [birth.point]
+    states: list[Floats] = [] if birth is None else [birth.point]
     counts: list[int] = [] if birth is None else [int(branch.unstable[0])]
     kinds: list[BifurcationKind | FunctionZero | None] = [] if birth is None else [None]
     special = branch.special_points
@@ -242,9 +242,7 @@ def _birth(branch: Branch, others: Sequence[Branch]) -> Bifurcation | None:
     return nearest
 
 
-def _orbits(
-    branch: Branch, values: NDArray[np.float64], states: NDArray[np.float64], points: int
-) -> NDArray[np.float64]:
+def _orbits(branch: Branch, values: Floats, states: Floats, points: int) -> Floats:
     """Return the first points of orbits (points, n, dimension), each orbit at its own value of the parameter."""
     orbits = [states]
     if points > 1:
@@ -256,7 +254,7 @@ def _orbits(
     return np.stack(orbits)
 
 
-def _unwrapped(heights: NDArray[np.float64], axis: Coordinate) -> NDArray[np.float64]:
+def _unwrapped(heights: Floats, axis: Coordinate) -> Floats:
     """Return curves (m, n) without the jumps of an angle: each point follows the one before on the shorter way."""
     steps = difference(heights[:, 1:, None], heights[:, :-1, None], (axis,))[..., 0]
     return np.concatenate([heights[:, :1], heights[:, :1] + np.cumsum(steps, axis=1)], axis=1)

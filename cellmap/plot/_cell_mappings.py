@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize, to_rgb
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate
@@ -156,7 +156,7 @@ def _image(
     ax: Axes | None,
     grid: CellGrid,
     coordinates: Sequence[Coordinate],
-    values: NDArray[np.float64],
+    values: Floats,
     title: str,
     measure: str | None = None,
     norm: Normalize | None = None,

@@ -6,8 +6,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.signatures import checked
 from ..bifurcations.diagram import BifurcationDiagram
 from ..bifurcations.period_measures import Quantity
@@ -83,7 +83,7 @@ def bifurcation_diagram(
     return drawn
 
 
-def _draw_points(ax: Axes, diagram: BifurcationDiagram, places: NDArray[np.float64], size: float | None) -> None:
+def _draw_points(ax: Axes, diagram: BifurcationDiagram, places: Floats, size: float | None) -> None:
     across = np.broadcast_to(diagram.values[:, None], places.shape[1:])
     size = _size(places) if size is None else size
     style = {"linestyle": "none", "marker": ".", "markersize": size, "markeredgewidth": 0.0, "rasterized": True}
@@ -95,7 +95,7 @@ def _draw_points(ax: Axes, diagram: BifurcationDiagram, places: NDArray[np.float
         ax.legend(marks, names, fontsize="small", frameon=False)
 
 
-def _size(places: NDArray[np.float64]) -> float:
+def _size(places: Floats) -> float:
     """Return the size of points that suits how many of them lie apart, on average over the values."""
     finite = places[np.isfinite(places)]
     if not finite.size:

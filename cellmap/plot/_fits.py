@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import shown
 from .._lib.fit import Fit
 from .._lib.signatures import checked
@@ -87,7 +87,7 @@ def fit(
     return ax
 
 
-def _bars(fit: Fit, y: NDArray[np.float64], logarithmic: bool) -> NDArray[np.float64] | None:
+def _bars(fit: Fit, y: Floats, logarithmic: bool) -> Floats | None:
     """Lower and upper lengths of error bars."""
     if fit.errors is None:
         return None

@@ -29,10 +29,7 @@ _PHASES = 512  # of a curve that are drawn
 
 @checked
 def connections(
-    branches: ConnectionBranch | Sequence[ConnectionBranch],
-    *,
-    ax: Axes | None = None,
-    legend: bool = True,
+    branches: ConnectionBranch | Sequence[ConnectionBranch], *, ax: Axes | None = None, legend: bool = True
 ) -> Axes:
     """Draw branches of connecting orbits: the angle at which the manifolds cross against the parameter.
 
@@ -180,10 +177,7 @@ def _draw_curves(ax: Axes, branch: CircleBranch, plane: tuple[int, int], legend:
 
 @checked
 def arnold_tongues(
-    tongues: ArnoldTongue | Sequence[ArnoldTongue],
-    *,
-    ax: Axes | None = None,
-    legend: bool = True,
+    tongues: ArnoldTongue | Sequence[ArnoldTongue], *, ax: Axes | None = None, legend: bool = True
 ) -> Axes:
     """Draw Arnold tongues in the plane of their two parameters.
 

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.signatures import checked
 from ..basins.continuation_record import BasinContinuation
 from ..orbits.attractor import Kind
@@ -102,7 +102,7 @@ def _palette(continuation: BasinContinuation, colours: Mapping[int, Any] | None)
 
 def _draw_attractors(ax: Axes, continuation: BasinContinuation, column: int, palette: Mapping[int, Colour]) -> None:
     """Draw a coordinate of the points of attractors in the colours of their basins; chaotic ones as a cloud."""
-    drawn: dict[tuple[int, str], list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = {}
+    drawn: dict[tuple[int, str], list[tuple[Floats, Floats]]] = {}
     for value, found in zip(continuation.values, continuation.attractors, strict=True):
         for label, attractor in found.items():
             places = attractor.points[:, column]

@@ -8,8 +8,8 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import is_sequence, listed, shown
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, wrap
@@ -156,12 +156,12 @@ def _check(trajectory: Trajectory, labels: Sequence[str] | None) -> None:
         raise ValueError(f"labels={shown(labels)}: give {trajectory.status.size} names in a list, one for each orbit")
 
 
-def _flat(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _flat(values: Floats) -> Floats:
     """Put all orbits on one axis, shape (n, orbits, components)."""
     return values.reshape(len(values), -1, values.shape[-1])
 
 
-def _series(trajectory: Trajectory, names: str | Sequence[str] | None) -> list[tuple[Coordinate, NDArray[np.float64]]]:
+def _series(trajectory: Trajectory, names: str | Sequence[str] | None) -> list[tuple[Coordinate, Floats]]:
     """Look up components by name: labels, and values of shape (n, orbits)."""
     system = trajectory.system
     known = [c.name for c in system.axes]
@@ -190,7 +190,7 @@ def _draw(
     ax: Axes,
     trajectory: Trajectory,
     pair: Sequence[Coordinate],
-    values: Sequence[NDArray[np.float64]],
+    values: Sequence[Floats],
     labels: Sequence[str] | None,
     strobe: bool,
 ) -> None:

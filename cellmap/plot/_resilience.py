@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.signatures import checked
 from ..analysis.resilience.basin_fractions import BasinStability
 from ..analysis.resilience.integrity import Ball
@@ -236,20 +236,18 @@ def _on_basins(basins: Basins, ax: Axes | None) -> Axes:
     return ax
 
 
-def _draw_ball(
-    ax: Axes, centre: NDArray[np.float64], radius: float, scale: NDArray[np.float64], basins: Basins
-) -> None:
+def _draw_ball(ax: Axes, centre: Floats, radius: float, scale: Floats, basins: Basins) -> None:
     way = np.linspace(0.0, 2 * np.pi, 361)
     circle = np.stack([np.cos(way), 0.5 * np.sin(way) if len(centre) == 1 else np.sin(way)], axis=1)
     units = np.append(radius * scale, 1.0)[:2]
     _draw_curve(ax, _in_plane(centre[None]) + units * circle, basins, "--", 1.2)
 
 
-def _draw_curve(ax: Axes, curve: NDArray[np.float64], basins: Basins, style: str, width: float) -> None:
+def _draw_curve(ax: Axes, curve: Floats, basins: Basins, style: str, width: float) -> None:
     pieces = cut_at_branch_cuts(_in_plane(curve), [*basins.coordinates, Coordinate("height")][:2])
     ax.plot(*pieces.T, style, color="black", linewidth=width, scalex=False, scaley=False)
 
 
-def _in_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _in_plane(points: Floats) -> Floats:
     """Return points (n, 2): those of one coordinate in the middle of their strip."""
     return points if points.shape[1] == 2 else np.column_stack([points, np.zeros(len(points))])

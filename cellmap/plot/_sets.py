@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Floats
 from .._lib.checks import finite_number, listed, real_array, whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, as_coordinates
@@ -205,14 +206,14 @@ def eigenvector(
     return ax
 
 
-def _rectangles(boxes: BoxSet, pair: list[int]) -> NDArray[np.float64]:
+def _rectangles(boxes: BoxSet, pair: list[int]) -> Floats:
     """Return the corners, in their order around it, of each box seen along the other axes, shape (n, 4, 2)."""
     low = boxes.lower_corners()[:, pair]
     steps = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * boxes.grid.widths[pair]
     return np.asarray(low[:, None, :] + steps)
 
 
-def _middle(boxes: BoxSet) -> NDArray[np.float64]:
+def _middle(boxes: BoxSet) -> Floats:
     """Return the centre of the box that is nearest to the mean of all centres."""
     centres = boxes.centres()
     apart = ((centres - centres.mean(axis=0)) / boxes.grid.widths) ** 2

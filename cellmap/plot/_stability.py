@@ -10,8 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Bools, Floats
 from .._lib.checks import real_array
 from .._lib.signatures import checked
 from ..bifurcations.crossings import Crossing
@@ -116,11 +117,11 @@ def stability_map(
     return ax
 
 
-def _outside(places: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _outside(places: Floats, axis: Floats) -> Bools:
     return (places < axis.min()) | (places > axis.max())
 
 
-def _measured(given: ArrayLike) -> NDArray[np.float64]:
+def _measured(given: ArrayLike) -> Floats:
     points = real_array("measured", given, "rows of two or three real numbers")
     if points.ndim != 2 or points.shape[1] not in (2, 3):
         raise ValueError(f"measured has the shape {points.shape}: give rows of x, y and, if known, the error of y")

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from .._compiled.kernels.box_images import points_of_cells, tally_rows
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import claim_memory, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
@@ -34,10 +34,10 @@ _CLAIMED = 16  # boxes that the image of a box is taken to meet when memory is c
 class Hits:
     """Which cells some boxes meet: ``rows`` of the boxes, ``targets`` that each meets, how often, and points lost."""
 
-    rows: NDArray[np.int64]
-    targets: NDArray[np.int64]
-    counts: NDArray[np.int64]
-    lost: NDArray[np.int64]
+    rows: Ints
+    targets: Ints
+    counts: Ints
+    lost: Ints
 
 
 @checked
@@ -124,7 +124,7 @@ def box_transitions(boxes: BoxSet, point_map: PointMap, samples: Samples = "adap
     return csr_array(entries, shape=(n, n), dtype=np.int64)
 
 
-def _distinct(keys: NDArray[np.int64], cells: int) -> NDArray[np.int64]:
+def _distinct(keys: Ints, cells: int) -> Ints:
     """Return each of some numbers below `cells` once, by marking them, where there are few to choose from."""
     if cells > 8 * len(keys):
         return keys
@@ -192,7 +192,7 @@ class _Work:
         waiting = {(_FEWEST,) * d: np.arange(len(keys))}
         while waiting:
             counts, rows = waiting.popitem()
-            finer: dict[tuple[int, ...], list[NDArray[np.int64]]] = {}
+            finer: dict[tuple[int, ...], list[Ints]] = {}
             lattice = middles(counts)
             for some in slices(len(rows), max(1, CHUNK // len(lattice))):
                 mine = rows[some]
@@ -210,7 +210,7 @@ class _Work:
             *(np.concatenate([getattr(f, name) for f in found]) for name in ("rows", "targets", "counts", "lost"))
         )
 
-    def _images(self, keys: NDArray[np.int64], lattice: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _images(self, keys: Ints, lattice: Floats) -> Floats:
         """Return the images of points (n, d) in widths of a box from the centre of each, shape (boxes * n, d)."""
         where = self.locate
         points = np.empty((len(keys) * len(lattice), lattice.shape[1]))
@@ -222,7 +222,7 @@ class _Work:
             self.point_map.advance(orbits[part], self.steps)
         return points
 
-    def _gaps(self, images: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _gaps(self, images: Floats) -> tuple[Floats, Floats]:
         """Return the widest gap between images along each axis of the lattices, and how far points have to reach.
 
         Gaps are in widths of a box, the widest of all components, shape (boxes, d); reaches are lengths.
@@ -238,9 +238,7 @@ class _Work:
             reach += 0.5 * widest
         return wider, reach
 
-    def _refined(
-        self, counts: tuple[int, ...], wider: NDArray[np.float64], reach: NDArray[np.float64]
-    ) -> NDArray[np.int64]:
+    def _refined(self, counts: tuple[int, ...], wider: Floats, reach: Floats) -> Ints:
         """Return the points along each axis that lattices with such gaps need, shape (boxes, d)."""
         d = len(counts)
         close = (reach <= 0.5 * self.locate.widths).all(axis=1, keepdims=True)
@@ -255,7 +253,7 @@ class _Work:
             more[rows, np.argmax(spare[rows], axis=1)] /= 2.0
         return more.astype(np.int64)
 
-    def _covered(self, images: NDArray[np.float64], reach: NDArray[np.float64], rows: NDArray[np.int64]) -> Hits:
+    def _covered(self, images: Floats, reach: Floats, rows: Ints) -> Hits:
         """Return the cells within reach of points, which is no more than half a cell."""
         d = images.shape[-1]
         ends = np.array(list(itertools.product((-1.0, 1.0), repeat=d)))
@@ -264,7 +262,7 @@ class _Work:
         return tallied(self.locate(points.reshape(-1, d)), rows, points.shape[1] * len(ends))
 
 
-def tallied(keys: NDArray[np.int64], rows: NDArray[np.int64], points: int) -> Hits:
+def tallied(keys: Ints, rows: Ints, points: int) -> Hits:
     """Count the cells that equally many points of each box lie in."""
     begins = np.arange(len(rows) + 1) * points
     which, targets, counts = (np.empty(len(keys), np.int64) for _ in range(3))
@@ -273,7 +271,7 @@ def tallied(keys: NDArray[np.int64], rows: NDArray[np.int64], points: int) -> Hi
     return Hits(rows[which[:n]], targets[:n].copy(), counts[:n].copy(), lost)
 
 
-def middles(counts: tuple[int, ...]) -> NDArray[np.float64]:
+def middles(counts: tuple[int, ...]) -> Floats:
     """Return the middles of the equal parts of a unit cube around 0, shape (product of the counts, d)."""
     axes = [between(-0.5, 0.5, n, np.arange(n) + 0.5) for n in counts]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))

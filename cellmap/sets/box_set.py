@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import claim_memory, is_sequence, shown, whole_array, whole_number
 from .._lib.signatures import checked
 from ..maps.grid import CellGrid
@@ -48,7 +49,7 @@ class BoxSet:
     """
 
     grid: CellGrid
-    keys: NDArray[np.int64]
+    keys: Ints
 
     def __post_init__(self) -> None:
         if not isinstance(self.grid, CellGrid):
@@ -95,7 +96,7 @@ class BoxSet:
         return not len(self - other)
 
     @property
-    def places(self) -> NDArray[np.int64]:
+    def places(self) -> Ints:
         """Integer indices of the boxes along the axes, shape (n, dimension)."""
         return np.stack(np.unravel_index(self.keys, self.grid.shape), axis=-1).astype(np.int64)
 
@@ -104,24 +105,24 @@ class BoxSet:
         """Total volume of the boxes."""
         return len(self) * float(np.prod(self.grid.widths))
 
-    def lower_corners(self) -> NDArray[np.float64]:
+    def lower_corners(self) -> Floats:
         """Return the lower corners, shape (n, dimension)."""
         return self.grid.places(self.places)
 
-    def centres(self) -> NDArray[np.float64]:
+    def centres(self) -> Floats:
         """Return the centres, shape (n, dimension)."""
         return self.grid.places(self.places + 0.5)
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Floats:
         """Return all corners, shape (n, 2**dimension, dimension)."""
         ends = np.array(list(itertools.product((0, 1), repeat=self.grid.dimension)))
         return self.grid.places(self.places[:, None, :] + ends)
 
-    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, points: ArrayLike) -> Bools:
         """Return a mask of the points (..., dimension) that lie in the set."""
         return self.indices(self.grid.locate(points)) >= 0
 
-    def indices(self, keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    def indices(self, keys: Ints) -> Ints:
         """Return the indices of cell numbers in `keys`, -1 for cells that are not in the set."""
         keys = whole_array("keys", keys, "numbers of cells")
         if not len(self):
@@ -129,7 +130,7 @@ class BoxSet:
         places = np.minimum(np.searchsorted(self.keys, keys), len(self) - 1)
         return np.where(self.keys[places] == keys, places, -1)
 
-    def chosen(self, mask: NDArray[np.bool_]) -> BoxSet:
+    def chosen(self, mask: Bools) -> BoxSet:
         """Return the subset given by a mask of shape (n,)."""
         mask = np.asarray(mask) if is_sequence(mask) else np.array(mask)
         if mask.shape != self.keys.shape or mask.dtype != bool:
@@ -155,14 +156,14 @@ class BoxSet:
         around = self._around()
         return BoxSet(self.grid, around[around >= 0]) - self
 
-    def touching(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def touching(self) -> tuple[Ints, Ints]:
         """Return all pairs of boxes of the set that share at least a corner, as indices into `keys`."""
         others = self.indices(self._around())
         which, _ = pairs = np.nonzero(others >= 0)
         touched = others[pairs]
         return which[which != touched], touched[which != touched]
 
-    def _around(self) -> NDArray[np.int64]:
+    def _around(self) -> Ints:
         """Return the numbers of the 3**dimension boxes around each box, shape (n, 3**dimension), -1 outside."""
         d, shape = self.grid.dimension, np.array(self.grid.shape)
         claim_memory(f"neighbours of {len(self):,} boxes", 3**d * 8 * (d + 2) * len(self), "take fewer boxes")
@@ -171,7 +172,7 @@ class BoxSet:
         inside = ((around >= 0) & (around < shape)).all(axis=-1)
         return np.where(inside, _numbers(np.where(inside[..., None], around, 0), self.grid.shape), -1)
 
-    def _beside(self, other: BoxSet) -> NDArray[np.int64]:
+    def _beside(self, other: BoxSet) -> Ints:
         if not isinstance(other, BoxSet) or other.grid != self.grid:
             given = other.grid if isinstance(other, BoxSet) else other
             raise ValueError(
@@ -180,7 +181,7 @@ class BoxSet:
         return other.keys
 
 
-def distinct(keys: NDArray[np.int64]) -> NDArray[np.int64]:
+def distinct(keys: Ints) -> Ints:
     """Return numbers sorted, each once; at no cost where they are."""
     if not (keys[1:] > keys[:-1]).all():
         keys = np.sort(keys)  # faster than the hash table of numpy.unique, and what comes out is to be sorted anyway
@@ -195,5 +196,5 @@ def finer(grid: CellGrid, shape: Sequence[int]) -> CellGrid:
     return replace(grid, shape=tuple(int(n) for n in shape))
 
 
-def _numbers(places: NDArray[np.int64], shape: Sequence[int]) -> NDArray[np.int64]:
+def _numbers(places: Ints, shape: Sequence[int]) -> Ints:
     return np.ravel_multi_index(tuple(np.moveaxis(places, -1, 0)), tuple(shape)).astype(np.int64)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import claim_memory, finite_number, whole_number
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
@@ -41,7 +41,7 @@ class CellClass:
         Whether no transition leaves the class: closed classes contain attractors, others saddles and transients.
     """
 
-    cells: NDArray[np.int64]
+    cells: Ints
     period: int
     closed: bool
 
@@ -107,7 +107,7 @@ class CellChain:
         """Closed classes, then transient ones."""
         return self.closed + self.transient
 
-    def _classes(self, chosen: NDArray[np.bool_]) -> tuple[CellClass, ...]:
+    def _classes(self, chosen: Bools) -> tuple[CellClass, ...]:
         numbers = np.flatnonzero(chosen)
         # The sinks are classes of their own.
         numbers = numbers[self.components.order[self.components.begin[numbers]] < self.grid.size]
@@ -119,12 +119,12 @@ class CellChain:
         return tuple(sorted(found, key=lambda one: one.cells[0]))
 
     @computed_once
-    def measures(self) -> tuple[NDArray[np.float64], ...]:
+    def measures(self) -> tuple[Floats, ...]:
         """Invariant measure of each closed class: probabilities of its cells."""
         return tuple(invariant_measure(self.matrix, one.cells) for one in self.closed)
 
     @checked
-    def density(self, group: int = 0) -> NDArray[np.float64]:
+    def density(self, group: int = 0) -> Floats:
         """Return the invariant density of a closed class, shape of the grid; its integral over the window is 1."""
         if not self.closed:
             raise ValueError(f"{self!r}, and so no density: take a window that orbits do not leave, or less noise")
@@ -134,7 +134,7 @@ class CellChain:
         return density.reshape(self.grid.shape)
 
     @computed_once
-    def absorption(self) -> NDArray[np.float64]:
+    def absorption(self) -> Floats:
         """Absorption probability of each cell in each closed class, shape ``(*grid, classes + 2)``.
 
         The last two columns are -2, diverged, and -1, outside the window.
@@ -142,7 +142,7 @@ class CellChain:
         return self._probabilities(np.arange(len(self.closed)), len(self.closed))
 
     @computed_once
-    def domiciles(self) -> NDArray[np.int64]:
+    def domiciles(self) -> Ints:
         """Number of closed classes that can be reached from each cell, the outside included, shape of the grid.
 
         Cells with 1 have a single domicile (Hsu); those with more lie along basin boundaries.
@@ -150,7 +150,7 @@ class CellChain:
         return np.count_nonzero(self.absorption > _POSSIBLE, axis=-1)
 
     @computed_once
-    def expected_times(self) -> NDArray[np.float64]:
+    def expected_times(self) -> Floats:
         """Expected number of steps of the map until absorption in a closed class or outside, shape of the grid."""
         values = self._solved(np.zeros((self.grid.size + 2, 1)), np.ones(1))
         return np.asarray(values[: self.grid.size, 0] * self.periods).reshape(self.grid.shape)
@@ -162,7 +162,7 @@ class CellChain:
         max_periods: int = 2000,
         max_period: int = 32,
         attractors: Sequence[Attractor] = (),
-    ) -> tuple[tuple[Attractor, ...], NDArray[np.float64]]:
+    ) -> tuple[tuple[Attractor, ...], Floats]:
         """Compute the attractors and the probability with which each cell converges to each of them.
 
         Parameters
@@ -248,7 +248,7 @@ class CellChain:
             Cost(self.cost.seconds + time.perf_counter() - began, self.cost.steps),
         )
 
-    def _probabilities(self, columns: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+    def _probabilities(self, columns: Ints, count: int) -> Floats:
         """Return the probabilities to end in closed classes, those of one column together, and in the sinks."""
         n = self.grid.size
         claim_memory(
@@ -262,12 +262,12 @@ class CellChain:
         values[LEFT, LEFT] = values[DIVERGED, DIVERGED] = 1.0
         return self._solved(values, np.zeros(count + 2))[:n].reshape(*self.grid.shape, count + 2)
 
-    def _solved(self, values: NDArray[np.float64], gain: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _solved(self, values: Floats, gain: Floats) -> Floats:
         solve_transient(self.matrix, self.components, values, gain)
         return values
 
 
-def _likeliest(matrix: Sparse, cells: NDArray[np.int64]) -> NDArray[np.int64]:
+def _likeliest(matrix: Sparse, cells: Ints) -> Ints:
     """Return the state to which each of some states goes most likely, the first of them if they are several."""
     rows = matrix[cells]
     highest = np.maximum.reduceat(rows.data, rows.indptr[:-1]) if len(cells) else rows.data

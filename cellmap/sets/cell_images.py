@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import warn_caller
 from ..attractors.labels import Label, label_of
 from ..maps.coordinates import wrap
@@ -20,7 +20,7 @@ LEFT, DIVERGED = int(Label.ESCAPED), int(Label.DIVERGED)
 An image does not exist where the orbit diverges or does not return to the Poincaré section of a map.
 """
 
-Kick = Callable[[int], NDArray[np.float64]]
+Kick = Callable[[int], Floats]
 """Returns the noise that is added to n points in one period, shape (n, dimension)."""
 
 
@@ -33,12 +33,12 @@ def check_map_and_grid(point_map: PointMap, grid: CellGrid) -> CellGrid:
     return grid.on(point_map.coordinates)
 
 
-def centres_of(grid: CellGrid, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+def centres_of(grid: CellGrid, cells: Ints) -> Floats:
     """Return the centres of some cells, shape (n, dimension)."""
     return grid_points([grid.axis(j) for j in range(grid.dimension)], cells)
 
 
-def images_of(point_map: PointMap, points: NDArray[np.float64], periods: int, kick: Kick | None = None) -> Orbits:
+def images_of(point_map: PointMap, points: Floats, periods: int, kick: Kick | None = None) -> Orbits:
     """Return points (n, dimension) after some periods, and after noise has acted in each of them."""
     orbits = Orbits.starting(wrap(points, point_map.coordinates))
     if kick is None:
@@ -50,7 +50,7 @@ def images_of(point_map: PointMap, points: NDArray[np.float64], periods: int, ki
     return orbits
 
 
-def cells_of(point_map: PointMap, grid: CellGrid, orbits: Orbits) -> NDArray[np.int64]:
+def cells_of(point_map: PointMap, grid: CellGrid, orbits: Orbits) -> Ints:
     """Return the flat numbers of the cells in which orbits are, LEFT or DIVERGED for those in none."""
     cells = Locator.of(grid, point_map.coordinates)(orbits.points)
     return np.where(orbits.status >= Status.DIVERGED, DIVERGED, cells)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import claim_memory, finite_number, is_sequence, of_the_user, real_array, whole_number
 from .._lib.threads import run_over, slices
 from ..maps.grid import CellGrid
@@ -17,7 +18,7 @@ from .box_images import middles, tallied
 from .cell_images import DIVERGED, LEFT, cells_of, centres_of, images_of
 from .markov import Sparse
 
-Noise = Callable[[np.random.Generator, int], NDArray[np.float64]]
+Noise = Callable[[np.random.Generator, int], Floats]
 """Returns the noise that is added to n points, shape (n, dimension), drawn from a generator."""
 
 
@@ -63,7 +64,7 @@ def transitions(
     taken, states = grid.size * each, grid.size + 2
     claim_memory(f"a chain of {grid.size:,} cells with {each} samples", 26 * taken + 64 * states, "take fewer of them")
     parts = slices(grid.size, max(1, CHUNK // each))
-    rows: dict[int, tuple[NDArray[np.int64], NDArray[Any], NDArray[np.float64]]] = {}
+    rows: dict[int, tuple[Ints, NDArray[Any], Floats]] = {}
     missed = np.zeros(len(parts), np.int64)
     lattice = None if isinstance(samples, int) else middles(samples)
     index = np.int32 if max(taken, states) < 2**31 else np.int64
@@ -90,10 +91,10 @@ def transitions(
     return matrix, int(missed.sum()), taken
 
 
-def _kick(noise: Noise, rng: np.random.Generator, dimension: int) -> Callable[[int], NDArray[np.float64]]:
+def _kick(noise: Noise, rng: np.random.Generator, dimension: int) -> Callable[[int], Floats]:
     """Return noise that is drawn from a generator, and checked."""
 
-    def kick(n: int) -> NDArray[np.float64]:
+    def kick(n: int) -> Floats:
         drawn = real_array("noise", of_the_user("noise", noise, rng, n))
         if drawn.shape != (n, dimension):
             raise ValueError(f"noise returned the shape {drawn.shape}: return one of ({n}, {dimension})")

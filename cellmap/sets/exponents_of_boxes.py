@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import claim_memory, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
@@ -17,7 +17,7 @@ from .box_set import BoxSet
 
 
 @checked
-def box_ftle(boxes: BoxSet, point_map: PointMap, periods: int = 10) -> NDArray[np.float64]:
+def box_ftle(boxes: BoxSet, point_map: PointMap, periods: int = 10) -> Floats:
     """Compute the finite-time Lyapunov exponent of the centre of each box.
 
     It is the logarithm of the largest singular value of the derivative of `periods` steps, divided by their number, as

@@ -5,9 +5,10 @@ from __future__ import annotations
 import logging
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
+from .._lib.arrays import Bools, Ints
 from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import state_points
@@ -132,11 +133,7 @@ def stable_set(
 
 
 def forward_closure(
-    boxes: BoxSet,
-    point_map: PointMap,
-    samples: Samples = "adaptive",
-    steps: int = 1,
-    max_rounds: int | None = None,
+    boxes: BoxSet, point_map: PointMap, samples: Samples = "adaptive", steps: int = 1, max_rounds: int | None = None
 ) -> BoxSet:
     """Return a set with all boxes of the window that chains of images lead to."""
     rounds = 2**62 if max_rounds is None else whole_number("max_iterations", max_rounds)
@@ -160,7 +157,7 @@ def boxes_around(point_map: PointMap, points: ArrayLike, boxes: BoxSet) -> BoxSe
     return held | held.neighbours()
 
 
-def _leading_to(links: csr_array, goal: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _leading_to(links: csr_array, goal: Ints) -> Bools:
     """Return which nodes chains lead from to a goal, the goal among them."""
     back = links.T.tocsr()
     reached = np.zeros(links.shape[0], bool)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from .._lib.arrays import Bools
 from .._lib.signatures import checked
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
@@ -167,7 +167,7 @@ def boxes_to_begin_with(point_map: PointMap, window: CellGrid | BoxSet) -> BoxSe
     return BoxSet.full(window.on(point_map.coordinates, "region"))
 
 
-def _lasting(graph: csr_array, backwards_only: bool = False) -> NDArray[np.bool_]:
+def _lasting(graph: csr_array, backwards_only: bool = False) -> Bools:
     """Return which nodes lie on chains that have no beginning, and no end either unless only the first is asked for."""
     kept = np.ones(graph.shape[0], bool)
     onwards, back = graph > 0, (graph > 0).T.tocsr()

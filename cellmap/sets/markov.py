@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, reverse_cuthill_mckee
 
 from .._compiled.kernels.chains import balance, eliminate, relax, substitute, sweep
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import warn_caller
 
 _PATIENCE = 100  # sweeps, up and down, before a class is left to another solver
@@ -42,18 +42,18 @@ class Components:
         Components with a step from one of their states to one of their states.
     """
 
-    of: NDArray[np.int64]
-    order: NDArray[np.int64]
-    begin: NDArray[np.int64]
-    closed: NDArray[np.bool_]
-    recurs: NDArray[np.bool_]
+    of: Ints
+    order: Ints
+    begin: Ints
+    closed: Bools
+    recurs: Bools
 
-    def states(self, number: int) -> NDArray[np.int64]:
+    def states(self, number: int) -> Ints:
         """Return the states of a component, sorted."""
         return np.sort(self.order[self.begin[number] : self.begin[number + 1]])
 
 
-def components_of(matrix: Sparse, leaks: NDArray[np.bool_] | None = None) -> Components:
+def components_of(matrix: Sparse, leaks: Bools | None = None) -> Components:
     """Return the strongly connected components of a matrix of transitions; states may also leak elsewhere."""
     count, of = connected_components(matrix, directed=True, connection="strong")
     rows, columns = _steps(matrix)
@@ -68,7 +68,7 @@ def components_of(matrix: Sparse, leaks: NDArray[np.bool_] | None = None) -> Com
     return Components(of.astype(np.int64), np.argsort(of, kind="stable"), begin, closed, recurs)
 
 
-def recurrent_parts(graph: Sparse) -> NDArray[np.int64]:
+def recurrent_parts(graph: Sparse) -> Ints:
     """Return the number of the component on which each state lies, -1 for states on no closed path of steps.
 
     Components are numbered by their first states.
@@ -81,7 +81,7 @@ def recurrent_parts(graph: Sparse) -> NDArray[np.int64]:
     return numbers
 
 
-def periods_of(matrix: Sparse, components: Components, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+def periods_of(matrix: Sparse, components: Components, numbers: Ints) -> Ints:
     """Return the periods of some components, in order: the greatest common divisors of the lengths of their cycles."""
     n, of = len(components.of), components.of
     rows, columns = _steps(matrix)
@@ -101,14 +101,12 @@ def periods_of(matrix: Sparse, components: Components, numbers: NDArray[np.int64
     return np.gcd.reduceat(gaps[order], begin) if len(numbers) else begin
 
 
-def _steps(matrix: Sparse) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _steps(matrix: Sparse) -> tuple[Ints, Ints]:
     """Return the states that the entries of a matrix lead from, and to."""
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr)), matrix.indices
 
 
-def solve_transient(
-    matrix: Sparse, components: Components, values: NDArray[np.float64], gain: NDArray[np.float64]
-) -> None:
+def solve_transient(matrix: Sparse, components: Components, values: Floats, gain: Floats) -> None:
     """Solve ``values = gain + matrix @ values`` in the states that are not in closed components, in place.
 
     ``values`` (states, k) are given in closed components and 0 elsewhere; ``gain`` (k,) is what a step adds.
@@ -139,9 +137,7 @@ def solve_transient(
         number += 1
 
 
-def _solve_component(
-    matrix: Sparse, states: NDArray[np.int64], values: NDArray[np.float64], gain: NDArray[np.float64]
-) -> None:
+def _solve_component(matrix: Sparse, states: Ints, values: Floats, gain: Floats) -> None:
     """Solve the equations of one transient component, from values that are close."""
     rows = matrix[states]
     guess = values[states]
@@ -152,9 +148,7 @@ def _solve_component(
     values[states] = _solved(rows[:, states], right, rows @ elsewhere, guess)
 
 
-def _solved(
-    inner: Sparse, right: NDArray[np.float64], leak: NDArray[np.float64], guess: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _solved(inner: Sparse, right: Floats, leak: Floats, guess: Floats) -> Floats:
     """Solve ``x = right + inner @ x``, where `leak` goes elsewhere: by elimination where it fills a narrow band only.
 
     No number is subtracted in an elimination, so that a component is solved to all digits however late it is left.
@@ -170,7 +164,7 @@ def _solved(
     return solution
 
 
-def _banded(inner: Sparse) -> tuple[NDArray[np.int64], NDArray[np.float64] | None]:
+def _banded(inner: Sparse) -> tuple[Ints, Floats | None]:
     """Return an order of states in which most of them lead to close ones, and their fractions; None for a wide band."""
     n = inner.shape[0]
     order = np.asarray(reverse_cuthill_mckee(inner + inner.T, symmetric_mode=True), dtype=np.int64)
@@ -186,9 +180,7 @@ def _banded(inner: Sparse) -> tuple[NDArray[np.int64], NDArray[np.float64] | Non
     return order, band
 
 
-def _by_gmres(
-    inner: Sparse, right: NDArray[np.float64], leak: NDArray[np.float64], guess: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _by_gmres(inner: Sparse, right: Floats, leak: Floats, guess: Floats) -> Floats:
     """Solve for several right sides by GMRES; each step begins with a sweep, which leaves it the slow modes alone.
 
     One more right side, `leak`, has the solution 1.  What comes out in its place is an error that all others share, and
@@ -199,14 +191,14 @@ def _by_gmres(
 
     system = eye_array(len(right), format="csr") - inner
 
-    def swept(residual: NDArray[np.float64]) -> NDArray[np.float64]:
+    def swept(residual: Floats) -> Floats:
         out = np.empty(len(right))
         sweep(inner.indptr, inner.indices, inner.data, residual.ravel(), out)
         return out
 
     preconditioner = LinearOperator(system.shape, swept, dtype=float)
 
-    def solve(one: NDArray[np.float64], start: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(one: Floats, start: Floats) -> Floats:
         return np.asarray(
             gmres(system, one, x0=start, rtol=1e-12, atol=0.0, restart=100, maxiter=5, M=preconditioner)[0]
         )
@@ -225,7 +217,7 @@ def _by_gmres(
     return solution
 
 
-def invariant_measure(matrix: Sparse, states: NDArray[np.int64]) -> NDArray[np.float64]:
+def invariant_measure(matrix: Sparse, states: Ints) -> Floats:
     """Compute the invariant measure of a closed component: the stationary probabilities of its states.
 
     Warns
@@ -256,7 +248,7 @@ def invariant_measure(matrix: Sparse, states: NDArray[np.int64]) -> NDArray[np.f
     return measure
 
 
-def _eliminated(order: NDArray[np.int64], band: NDArray[np.float64]) -> NDArray[np.float64]:
+def _eliminated(order: Ints, band: Floats) -> Floats:
     """Return the measure of a chain whose shares lie in a band."""
     n = len(order)
     pivots, ordered, measure = np.empty(n), np.empty(n), np.empty(n)
@@ -266,7 +258,7 @@ def _eliminated(order: NDArray[np.int64], band: NDArray[np.float64]) -> NDArray[
     return measure
 
 
-def _by_powers(forward: Sparse, measure: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _by_powers(forward: Sparse, measure: Floats) -> tuple[Floats, float]:
     """Improve a measure by steps of the chain, half of which rest, so that those with a period converge too."""
     residual = np.inf
     for _ in range(_POWERS):
@@ -279,7 +271,7 @@ def _by_powers(forward: Sparse, measure: NDArray[np.float64]) -> tuple[NDArray[n
     return measure, residual
 
 
-def _by_arnoldi(forward: Sparse, measure: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _by_arnoldi(forward: Sparse, measure: Floats) -> tuple[Floats, float]:
     """Improve a measure of a chain that mixes slowly."""
     from scipy.sparse.linalg import ArpackNoConvergence, eigs
 

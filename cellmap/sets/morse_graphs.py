@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order
 
+from .._lib.arrays import Bools, Ints
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
@@ -36,14 +36,14 @@ class MorseGraph:
     """
 
     sets: tuple[BoxSet, ...]
-    reaches: NDArray[np.bool_]
+    reaches: Bools
     coordinates: tuple[Coordinate, ...]
 
     def __repr__(self) -> str:
         return f"MorseGraph({len(self.sets)} sets, {len(self.sinks)} of them attracting, {len(self.edges)} edges)"
 
     @property
-    def edges(self) -> NDArray[np.int64]:
+    def edges(self) -> Ints:
         """Edges of the transitive reduction, shape (n, 2): pairs with a direct connection from first to second."""
         paths = self.reaches.astype(np.int64)
         return np.argwhere(self.reaches & ~(paths @ paths > 0))
@@ -108,7 +108,7 @@ def morse_graph(
     )
 
 
-def _touching(boxes: BoxSet, which: NDArray[np.bool_]) -> csr_array:
+def _touching(boxes: BoxSet, which: Bools) -> csr_array:
     """Return links, both ways, between boxes that touch and are both marked."""
     first, second = boxes.touching()
     both = which[first] & which[second]
@@ -116,7 +116,7 @@ def _touching(boxes: BoxSet, which: NDArray[np.bool_]) -> csr_array:
     return csr_array(links, shape=(len(boxes), len(boxes)))
 
 
-def _reaches(graph: csr_array, parts: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _reaches(graph: csr_array, parts: Ints) -> Bools:
     """Return from which part chains lead to which other one."""
     count = int(parts.max(initial=-1)) + 1
     reaches = np.zeros((count, count), bool)

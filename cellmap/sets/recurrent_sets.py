@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._lib.arrays import Floats, Ints
 from ..attractors.labels import Label
 from ..basins.finding import find_basins
 from ..basins.record import Basins
@@ -25,12 +26,8 @@ _FOLLOWED = 1024  # steps of a mapping for which orbits of sets go on without be
 
 
 def refined_sets(
-    point_map: PointMap,
-    grid: CellGrid,
-    cells: NDArray[np.int64],
-    owners: NDArray[np.int64],
-    limits: Mapping[str, Any],
-) -> tuple[tuple[Attractor, ...], NDArray[np.int64]]:
+    point_map: PointMap, grid: CellGrid, cells: Ints, owners: Ints, limits: Mapping[str, Any]
+) -> tuple[tuple[Attractor, ...], Ints]:
     """Return the attractors on which orbits of the exact map end that begin in sets of cells, and each set's label.
 
     ``cells`` (n,) belong to the sets 0, 1, ... in ``owners`` (n,); `limits` are further arguments of
@@ -53,13 +50,13 @@ def refined_sets(
 def adjacent_sets(
     grid: CellGrid,
     coordinates: tuple[Coordinate, ...],
-    cells: NDArray[np.int64],
-    owners: NDArray[np.int64],
-    images: NDArray[np.int64],
-    weights: NDArray[np.float64],
-    periods: NDArray[np.int64] | None = None,
-    alike: NDArray[np.int64] | None = None,
-) -> tuple[tuple[Attractor, ...], NDArray[np.int64]]:
+    cells: Ints,
+    owners: Ints,
+    images: Ints,
+    weights: Floats,
+    periods: Ints | None = None,
+    alike: Ints | None = None,
+) -> tuple[tuple[Attractor, ...], Ints]:
     """Return sets of cells as attractors, those that touch as one, and each set's label.
 
     ``cells`` (n,) belong to the sets 0, 1, ... in ``owners`` (n,) and go, or most likely go, to the cells ``images``
@@ -90,9 +87,7 @@ def adjacent_sets(
     return tuple(found[k] for k in ranks), label[whole[first]]
 
 
-def exchanging_sets(
-    grid: CellGrid, cells: NDArray[np.int64], owners: NDArray[np.int64], ends: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def exchanging_sets(grid: CellGrid, cells: Ints, owners: Ints, ends: Ints) -> Ints:
     """Return pairs of sets between which an orbit changes, both ways, when it is moved by one cell; shape (2, pairs).
 
     Rounding to centres moves an orbit by up to half a cell in each step: a mapping cannot distinguish such sets.
@@ -112,14 +107,7 @@ def exchanging_sets(
     return np.stack([np.arange(count), np.unique(strong, return_index=True)[1][strong]])
 
 
-def ends_of_sets(
-    point_map: PointMap,
-    grid: CellGrid,
-    cells: NDArray[np.int64],
-    owners: NDArray[np.int64],
-    ends: NDArray[np.int64],
-    periods: int,
-) -> NDArray[np.int64]:
+def ends_of_sets(point_map: PointMap, grid: CellGrid, cells: Ints, owners: Ints, ends: Ints, periods: int) -> Ints:
     """Return for each set another one in which orbits from it end that are not rounded, or itself.
 
     Where a map attracts or repels weakly, rounding to centres keeps orbits in sets that are no attractors.  Orbits from
@@ -149,7 +137,7 @@ def ends_of_sets(
     return order[np.unique(group[order], return_index=True)[1]][group]
 
 
-def _representatives(cells: NDArray[np.int64], owners: NDArray[np.int64]) -> NDArray[np.int64]:
+def _representatives(cells: Ints, owners: Ints) -> Ints:
     """Return some cells of each set, shape (sets, m), evenly spread over them and repeated where there are fewer."""
     order = np.argsort(owners, kind="stable")
     sizes = np.bincount(owners)
@@ -157,7 +145,7 @@ def _representatives(cells: NDArray[np.int64], owners: NDArray[np.int64]) -> NDA
     return np.asarray(cells[order[(np.cumsum(sizes) - sizes)[:, None] + ranks]])
 
 
-def _neighbours(grid: CellGrid, cells: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+def _neighbours(grid: CellGrid, cells: Ints) -> Iterator[tuple[Ints, Ints]]:
     """Yield, for each direction to a cell that shares a corner, the cells by their places, and their neighbours."""
     index = np.stack(np.unravel_index(cells, grid.shape))
     shape, wraps = np.array(grid.shape)[:, None], np.array(grid.wraps)[:, None]
@@ -170,7 +158,7 @@ def _neighbours(grid: CellGrid, cells: NDArray[np.int64]) -> Iterator[tuple[NDAr
         yield np.flatnonzero(inside), np.ravel_multi_index(tuple(moved[:, inside]), grid.shape)
 
 
-def _touching(grid: CellGrid, cells: NDArray[np.int64]) -> NDArray[np.int64]:
+def _touching(grid: CellGrid, cells: Ints) -> Ints:
     """Return pairs of places in a sorted list of cells whose cells share a corner, shape (2, pairs)."""
     pairs = [np.empty((2, 0), np.int64)]
     for rows, there in _neighbours(grid, cells):
@@ -180,7 +168,7 @@ def _touching(grid: CellGrid, cells: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.concatenate(pairs, axis=1)
 
 
-def _joined(count: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+def _joined(count: int, pairs: Ints) -> Ints:
     """Number things so that those of a pair, and of chains of pairs, have one number."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -189,9 +177,7 @@ def _joined(count: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
-def _path(
-    cells: NDArray[np.int64], images: NDArray[np.int64], row: int, length: int, closed: bool
-) -> NDArray[np.int64]:
+def _path(cells: Ints, images: Ints, row: int, length: int, closed: bool) -> Ints:
     """Follow cells for some steps, by places in a sorted list of cells and their images, or until they close."""
     path = [row]
     while len(path) < length:
@@ -202,7 +188,7 @@ def _path(
     return cells[path]
 
 
-def _unverified(still: bool, points: NDArray[np.float64], coordinates: tuple[Coordinate, ...]) -> Attractor:
+def _unverified(still: bool, points: Floats, coordinates: tuple[Coordinate, ...]) -> Attractor:
     """Return an attractor of which points are known alone."""
     d = len(coordinates)
     kind = Kind.FIXED_POINT if still else Kind.PERIODIC
@@ -213,7 +199,7 @@ def _unverified(still: bool, points: NDArray[np.float64], coordinates: tuple[Coo
 def basins_from_cells(
     point_map: PointMap | None,
     grid: CellGrid,
-    labels: NDArray[np.int64],
+    labels: Ints,
     attractors: Sequence[Attractor],
     times: NDArray[Any],
     like: PointMap,

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._compiled.kernels.cells import unravel
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import claim_memory, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
@@ -55,15 +56,15 @@ class CellMapping:
         Wall time and number of steps of the map.
     """
 
-    images: NDArray[np.int64]
+    images: Ints
     groups: NDArray[np.integer[Any]]
     steps: NDArray[np.integer[Any]]
     group_periods: NDArray[np.integer[Any]]
     grid: CellGrid
     periods: int
     point_map: PointMap = field(repr=False)
-    stray_cells: NDArray[np.int64]
-    stray_images: NDArray[np.float64]
+    stray_cells: Ints
+    stray_images: Floats
     inaccurate: int = 0
     cost: Cost = Cost()
 
@@ -81,17 +82,13 @@ class CellMapping:
         return np.asarray(np.append(self.group_periods, sinks)[self.groups])
 
     @property
-    def periodic_cells(self) -> NDArray[np.int64]:
+    def periodic_cells(self) -> Ints:
         """Flat numbers of all periodic cells."""
         return np.flatnonzero((self.steps.ravel() == 0) & (self.groups.ravel() >= 0))
 
     @checked
     def basins(
-        self,
-        refine: bool = True,
-        max_periods: int = 2000,
-        max_period: int = 32,
-        attractors: Sequence[Attractor] = (),
+        self, refine: bool = True, max_periods: int = 2000, max_period: int = 32, attractors: Sequence[Attractor] = ()
     ) -> Basins:
         """Return the basins of attraction of this mapping.
 
@@ -255,13 +252,13 @@ def _claim(grid: CellGrid) -> None:
     claim_memory(f"a cell mapping of {grid.size:,} cells", (36 + 8 * grid.dimension) * grid.size, "take fewer cells")
 
 
-_Rows = range | NDArray[np.int64]
-_Strays = tuple[NDArray[np.int64], NDArray[np.float64]]
+_Rows = range | Ints
+_Strays = tuple[Ints, Floats]
 
 
 def _mapped(
     point_map: PointMap, grid: CellGrid, rows: _Rows, periods: int, progress: bool
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], int]:
+) -> tuple[Ints, Ints, Floats, int]:
     """Return the images of some cells, those among the cells that stray, the points to which these go, and a count."""
     images = np.empty(len(rows), np.int64)
     parts = slices(len(rows), CHUNK)
@@ -287,7 +284,7 @@ def _unravelled(
     point_map: PointMap,
     grid: CellGrid,
     periods: int,
-    images: NDArray[np.int64],
+    images: Ints,
     strays: _Strays,
     inaccurate: int,
     cost: Cost,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from ..attractors.search import find_attractors
@@ -111,7 +111,7 @@ def find_attractors_by_subdivision(
     return SubdivisionSearch(attractors, graph, holders)
 
 
-def _spread(boxes: BoxSet, most: int) -> NDArray[np.float64]:
+def _spread(boxes: BoxSet, most: int) -> Floats:
     """Return the centres of boxes, or of some of them at even distances in their order."""
     chosen = np.unique(np.linspace(0, len(boxes) - 1, min(most, len(boxes))).round().astype(np.int64))
     return BoxSet(boxes.grid, boxes.keys[chosen]).centres()

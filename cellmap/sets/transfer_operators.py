@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import eigs, eigsh
 
+from .._lib.arrays import Bools, Complexes, Floats
 from .._lib.checks import claim_memory, whole_number
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
@@ -38,7 +38,7 @@ class Cycle:
     """
 
     order: int
-    eigenvalues: NDArray[np.complex128]
+    eigenvalues: Complexes
     sets: tuple[BoxSet, ...]
 
     def __repr__(self) -> str:
@@ -62,7 +62,7 @@ class AlmostInvariant:
 
     sets: tuple[BoxSet, ...]
     kept: tuple[float, ...]
-    eigenvalues: NDArray[np.float64]
+    eigenvalues: Floats
 
     def __repr__(self) -> str:
         return f"AlmostInvariant({len(self.sets)} sets that keep {', '.join(f'{k:.4g}' for k in self.kept)})"
@@ -88,7 +88,7 @@ class TransferOperator:
 
     boxes: BoxSet
     matrix: csr_array = field(repr=False)
-    lost: NDArray[np.float64] = field(repr=False)
+    lost: Floats = field(repr=False)
     samples: int
     coordinates: tuple[Coordinate, ...]
 
@@ -96,7 +96,7 @@ class TransferOperator:
         return f"TransferOperator({self.boxes}, {self.matrix.nnz:,} transitions, {self.samples} points in each)"
 
     @computed_once
-    def invariant_measures(self) -> tuple[NDArray[np.float64], ...]:
+    def invariant_measures(self) -> tuple[Floats, ...]:
         """Invariant measures as probabilities (n,) of the boxes, one for each closed component."""
         found = components_of(self.matrix, self.lost > 0.0)
         measures = []
@@ -108,7 +108,7 @@ class TransferOperator:
         return tuple(measures)
 
     @computed_once
-    def invariant_measure(self) -> NDArray[np.float64]:
+    def invariant_measure(self) -> Floats:
         """Invariant measure as probabilities (n,) of the boxes, which sum to 1.
 
         Where mass escapes from every component, the measure is quasi-stationary: conditioned on survival.
@@ -130,7 +130,7 @@ class TransferOperator:
         return self.invariant_measures[0] if self.invariant_measures else self._leading[1]
 
     @property
-    def density(self) -> NDArray[np.float64]:
+    def density(self) -> Floats:
         """Invariant density: measure per volume, shape (n,)."""
         return self.invariant_measure / float(np.prod(self.boxes.grid.widths))
 
@@ -147,16 +147,16 @@ class TransferOperator:
         return bool((recurrent_parts(self.matrix) >= 0).any())
 
     @computed_once
-    def _leading(self) -> tuple[float, NDArray[np.float64]]:
+    def _leading(self) -> tuple[float, Floats]:
         return _leading(self.matrix)
 
     @checked
-    def eigenvalues(self, n_eigenvalues: int | None = None) -> NDArray[np.complex128]:
+    def eigenvalues(self, n_eigenvalues: int | None = None) -> Complexes:
         """Compute the eigenvalues of largest modulus, by default six; of a conjugate pair the upper one first."""
         return self.eigenvectors(n_eigenvalues)[0]
 
     @checked
-    def eigenvectors(self, n_eigenvalues: int | None = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    def eigenvectors(self, n_eigenvalues: int | None = None) -> tuple[Complexes, Complexes]:
         """Compute the eigenvalues of largest modulus (m,) and their eigenmeasures (n, m)."""
         most = len(self.boxes)
         n_eigenvalues = (
@@ -238,13 +238,13 @@ class TransferOperator:
         return AlmostInvariant(tuple(BoxSet(self.boxes.grid, self.boxes.keys[carried[m]]) for m in masks), kept, values)
 
     @computed_once
-    def _weights(self) -> NDArray[np.float64]:
+    def _weights(self) -> Floats:
         """Mean of all invariant measures."""
         measures = self.invariant_measures
         return np.mean(measures, axis=0) if measures else self._leading[1]
 
     @property
-    def _carried(self) -> NDArray[np.bool_]:
+    def _carried(self) -> Bools:
         """Boxes that carry measure."""
         return self._weights > 0.0
 
@@ -298,14 +298,14 @@ def transfer_operator(boxes: BoxSet, point_map: PointMap, samples: int = 8, peri
     return TransferOperator(boxes, matrix, lost, number, point_map.coordinates)
 
 
-def _leading(matrix: csr_array) -> tuple[float, NDArray[np.float64]]:
+def _leading(matrix: csr_array) -> tuple[float, Floats]:
     """Return the largest eigenvalue of a matrix that is nowhere negative, and its left eigenvector, which sums to 1."""
     values, vectors = _eigen(csr_array(matrix.T), 1)
     measure = np.abs(vectors[:, 0])
     return float(values[0].real), measure / measure.sum()
 
 
-def _eigen(matrix: csr_array, number: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def _eigen(matrix: csr_array, number: int) -> tuple[Complexes, Complexes]:
     """Return the eigenvalues of largest modulus, and right eigenvectors, always in the same order."""
     n = matrix.shape[0]
     if n <= max(_DENSE, number + 2):
@@ -320,7 +320,7 @@ def _eigen(matrix: csr_array, number: int) -> tuple[NDArray[np.complex128], NDAr
     return values[order].astype(complex), vectors[:, order].astype(complex)
 
 
-def _largest_symmetric(matrix: csr_array, number: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _largest_symmetric(matrix: csr_array, number: int) -> tuple[Floats, Floats]:
     """Return the largest eigenvalues of a symmetric matrix, the largest first, and their eigenvectors."""
     n = matrix.shape[0]
     if n <= max(_DENSE, number + 1):
@@ -331,7 +331,7 @@ def _largest_symmetric(matrix: csr_array, number: int) -> tuple[NDArray[np.float
     return values[: -number - 1 : -1], vectors[:, : -number - 1 : -1]
 
 
-def _far_corners(functions: NDArray[np.float64]) -> list[int]:
+def _far_corners(functions: Floats) -> list[int]:
     """Return rows that lie far apart: each has the largest distance from the space of those before it."""
     chosen = [int(np.argmax((functions**2).sum(axis=1)))]
     rest = functions - functions[chosen[0]]

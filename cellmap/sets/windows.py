@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._lib.arrays import Ints
 from ..maps.grid import CellGrid
 
 
-def offsets(inner: CellGrid, outer: CellGrid) -> NDArray[np.int64]:
+def offsets(inner: CellGrid, outer: CellGrid) -> Ints:
     """Return how many cells of one grid are before another one along each axis."""
     if not np.allclose(inner.widths, outer.widths, rtol=1e-9, atol=0.0):
         raise ValueError(
@@ -23,7 +23,7 @@ def offsets(inner: CellGrid, outer: CellGrid) -> NDArray[np.int64]:
     return np.round(before).astype(np.int64)
 
 
-def places_in(inner: CellGrid, outer: CellGrid) -> NDArray[np.int64]:
+def places_in(inner: CellGrid, outer: CellGrid) -> Ints:
     """Return the flat numbers that the cells of a grid have in a wider one."""
     before = offsets(inner, outer)
     if (before < 0).any() or (before + inner.shape > outer.shape).any():

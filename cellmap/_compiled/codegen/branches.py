@@ -193,10 +193,7 @@ class BranchingGraph(Graph):
         return joined
 
     def _joined(
-        self,
-        runs: Sequence[tuple[tuple[Expression, ...], list[Met]]],
-        place: int,
-        rest: Expression | None = None,
+        self, runs: Sequence[tuple[tuple[Expression, ...], list[Met]]], place: int, rest: Expression | None = None
     ) -> tuple[Expression, ...]:
         """Join the results of runs that have met the same switches up to a place.
 

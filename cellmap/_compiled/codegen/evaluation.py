@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..._lib.arrays import Floats
 from .expression import Expression, operation_on_numbers, ordered
 from .rebind import ARRAY_FUNCTIONS
 
@@ -30,7 +30,7 @@ def _at_border(a: Any) -> Any:
     return np.where((a < 0.0) & (a > -ROUNDING), 0.0, a)
 
 
-def evaluated(expressions: Sequence[Expression], inputs: Mapping[Expression, Any]) -> list[NDArray[np.float64]]:
+def evaluated(expressions: Sequence[Expression], inputs: Mapping[Expression, Any]) -> list[Floats]:
     """Return the values of expressions over arrays that broadcast; not finite where an operation is not defined."""
     known: dict[Expression, Any] = {}
     with np.errstate(all="ignore"):

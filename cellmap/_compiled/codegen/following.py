@@ -13,10 +13,7 @@ from .trace import Trace
 
 
 def with_sides(
-    base: Trace,
-    rhs: Callable[..., Sequence[Any]],
-    switches: Callable[..., Sequence[Any]] | None,
-    names: Sequence[str],
+    base: Trace, rhs: Callable[..., Sequence[Any]], switches: Callable[..., Sequence[Any]] | None, names: Sequence[str]
 ) -> tuple[tuple[Expression, ...], tuple[Expression, ...]]:
     """Trace the switching functions that are given, and the right-hand side, on as many paths as conditions ask for."""
     graph = base.graph

@@ -15,8 +15,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..._lib.arrays import Floats
 from .branches import Switch
 from .derivative import along
 from .evaluation import evaluated
@@ -135,7 +135,7 @@ def _is_solid(base: Trace, across: Expression) -> bool:
     return not across.vanishes and bool((np.abs(_sampled(base, across)) > 1e-12).all())
 
 
-def _sampled(base: Trace, expression: Expression) -> NDArray[np.float64]:
+def _sampled(base: Trace, expression: Expression) -> Floats:
     """Return the values of an expression at places drawn at random."""
     rng = np.random.default_rng(0)
     inputs = {e: rng.uniform(0.1, 1.0, _SAMPLES) for e in in_order([expression]) if not e.arguments and e.value is None}

@@ -16,9 +16,7 @@ from functools import reduce
 from math import cos, sin, ulp
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..._lib.arrays import Floats
 from .captured import kept
 from .derivative import along
 from .elementary import elementary_functions
@@ -96,12 +94,8 @@ def linear_kernel(
 
 
 def values(
-    expressions: Sequence[Expression],
-    time: Any,
-    states: Sequence[Any],
-    parameters: NDArray[np.float64],
-    signs: Sequence[float] = (),
-) -> list[NDArray[np.float64]]:
+    expressions: Sequence[Expression], time: Any, states: Sequence[Any], parameters: Floats, signs: Sequence[float] = ()
+) -> list[Floats]:
     """Return the values of expressions over arrays that broadcast; not finite where an operation is not defined."""
     inputs: dict[str, Callable[[int], Any]] = {
         "time": lambda _: time,

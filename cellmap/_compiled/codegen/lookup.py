@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._lib.arrays import Floats, Ints
 from ..machine_code import MachineCode, machine_code, vector_width
 from .instructions import Instructions, Value, module_text, number
 from .spline_basis import basis_polynomials
@@ -52,20 +53,11 @@ class LookUp:
     address: int
     machine_code: MachineCode  # lives as long as the function
 
-    def __call__(
-        self, points: NDArray[np.float64], rotations: NDArray[np.int64], left: NDArray[np.int64], *table: Any
-    ) -> int:
+    def __call__(self, points: Floats, rotations: Ints, left: Ints, *table: Any) -> int:
         """Move rows on by look-ups; return how many these are."""
         return self.with_table(points, rotations, left, *addresses_of(table))
 
-    def with_table(
-        self,
-        points: NDArray[np.float64],
-        rotations: NDArray[np.int64],
-        left: NDArray[np.int64],
-        addresses: Sequence[int],
-        several: int,
-    ) -> int:
+    def with_table(self, points: Floats, rotations: Ints, left: Ints, addresses: Sequence[int], several: int) -> int:
         """Do the same with what :func:`addresses_of` returns."""
         made = ctypes.c_int64()
         work = [array.ctypes.data for array in (points, rotations, left)]

@@ -18,8 +18,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..._lib.arrays import Floats, Ints
 from ..kernels.blocks import LANES
 from ..machine_code import MachineCode, machine_code, vector_width
 from .instructions import Instructions, Value, module_text, number
@@ -42,17 +42,10 @@ class CompiledPeriod:
 
     address: int
     code: Any
-    context: NDArray[np.int64] = field(default_factory=lambda: _NO_CONTEXT)
+    context: Ints = field(default_factory=lambda: _NO_CONTEXT)
 
     def __call__(
-        self,
-        x: NDArray[np.float64],
-        steps: NDArray[np.int64],
-        start: float,
-        period: float,
-        p: NDArray[np.float64],
-        error: NDArray[np.float64],
-        orbits: int | None = None,
+        self, x: Floats, steps: Ints, start: float, period: float, p: Floats, error: Floats, orbits: int | None = None
     ) -> None:
         """Move blocks of lanes on in place, full ones by default; see :mod:`cellmap._compiled.codegen.lanes`."""
         count = len(x) * LANES if orbits is None else orbits

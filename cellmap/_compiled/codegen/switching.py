@@ -204,12 +204,7 @@ def _renamed(name: Callable[[Expression], str], one: Expression, its_name: str, 
 
 
 def _write_step(
-    out: Instructions,
-    series: Series,
-    parameters: int,
-    counts: Sequence[bool],
-    sliding: bool | None,
-    tolerance: float,
+    out: Instructions, series: Series, parameters: int, counts: Sequence[bool], sliding: bool | None, tolerance: float
 ) -> None:
     """Write the function that takes one step with the lanes that slide, with those that do not, or (None) with all."""
     size, count = len(series.trace.states), len(counts)

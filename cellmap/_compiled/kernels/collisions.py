@@ -75,7 +75,7 @@ def turn_sides(e, bound, kinds, values, signs, slides, leaving):
 @inlined
 def begin_at_impacts(
     impacts, surfaces, t, state, p, kinds, bound, signs, slides, fresh, values, rates, gains, jumps, normals, landed,
-    turned, stuck, held,
+    turned, stuck, held
 ):  # fmt: skip
     """Choose the mode of a lane that begins on the surface of an impact: an impact at once, a flight, or a rest.
 
@@ -111,7 +111,7 @@ def begin_at_impacts(
 @inlined
 def collide(
     impacts, surfaces, t, last, end, state, p, kinds, bound, hits, signs, slides, fresh, errors, values, rates, gains,
-    jumps, normals, landed, turned, stuck, held,
+    jumps, normals, landed, turned, stuck, held
 ):  # fmt: skip
     """Carry out the impacts of an event and clear their hits; return the time that it is then.
 

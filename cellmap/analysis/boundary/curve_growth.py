@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..._lib.arrays import Bools, Complexes, Floats
 from ...maps.coordinates import turns_of
 from ...maps.grid import CellGrid
 from ...maps.inverse import Step, extra_turns, preimages, preimages_along
@@ -20,7 +20,7 @@ _SHORTEST = 1e-3  # unless they are shorter than this part of the spacing
 _LEVELS = 400
 _ROUNDS = 40
 
-Images = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Images = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +41,8 @@ class ManifoldBranch:
         is too coarse).
     """
 
-    points: NDArray[np.float64]
-    arclength: NDArray[np.float64]
+    points: Floats
+    arclength: Floats
     ended: str
 
     def __repr__(self) -> str:
@@ -64,8 +64,8 @@ class Growth:
 
     forward: Images | None
     step: Step
-    shifts: list[NDArray[np.float64]]
-    places: list[NDArray[np.float64]]
+    shifts: list[Floats]
+    places: list[Floats]
 
 
 def growth_of(
@@ -84,7 +84,7 @@ def growth_of(
     if mapping is not None:
         onward = Step(mapping, extra_turns(mapping, saddle))
 
-        def forward(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        def forward(points: Floats) -> Floats:
             for _ in range(count):
                 points = onward(points)
             return points
@@ -110,10 +110,10 @@ class GrowingCurve:
     def __init__(
         self,
         growth: Growth,
-        saddle: NDArray[np.float64],
-        direction: NDArray[np.float64],
+        saddle: Floats,
+        direction: Floats,
         factor: float,
-        unit: NDArray[np.float64],
+        unit: Floats,
         grid: CellGrid,
         spacing: float,
         reach: float,
@@ -126,7 +126,7 @@ class GrowingCurve:
         self.places = np.linspace(0.0, 1.0, 9)
         self.history = [self._begin(self.places)]
 
-    def _begin(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _begin(self, places: Floats) -> Floats:
         return np.asarray(self.saddle + _BEGINNING * np.power(self.factor, places)[:, None] * self.direction)
 
     def grow(self, longest: float) -> ManifoldBranch:
@@ -159,7 +159,7 @@ class GrowingCurve:
         points, arclength = self._joined(np.concatenate([*pieces, self.history[-1][-1:]]), longest)
         return ManifoldBranch(points, arclength, ended)
 
-    def _next(self) -> NDArray[np.float64]:
+    def _next(self) -> Floats:
         """Images of the newest points; where these have to be searched for, only of a piece near the window."""
         way, newest = self.growth, self.history[-1]
         round_, done = len(way.shifts), len(self.history)
@@ -181,7 +181,7 @@ class GrowingCurve:
         both = np.isfinite(before).all(axis=1) & np.isfinite(known).all(axis=1)
         return preimages_along(way.step, newest, first - shift, (before[both], known[both])) + shift
 
-    def _again(self, number: int, points: NDArray[np.float64], guesses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _again(self, number: int, points: Floats, guesses: Floats) -> Floats:
         """Images of points put in, at one step of the history."""
         way = self.growth
         shift = way.shifts[number % len(way.shifts)]
@@ -191,12 +191,12 @@ class GrowingCurve:
         found[~settled] = np.nan
         return found + shift
 
-    def _near(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _near(self, points: Floats) -> Bools:
         return np.asarray(
             np.isfinite(points).all(axis=1) & ((points >= self.lower) & (points <= self.upper)).all(axis=1)
         )
 
-    def _length(self, points: NDArray[np.float64], near: NDArray[np.bool_]) -> float:
+    def _length(self, points: Floats, near: Bools) -> float:
         pieces = np.linalg.norm(np.diff(points, axis=0) / self.unit, axis=1)
         return float(pieces[near[1:] & near[:-1]].sum())
 
@@ -218,7 +218,7 @@ class GrowingCurve:
             self.history = [np.insert(a, gaps + 1, b, axis=0) for a, b in zip(self.history, fresh, strict=True)]
         return resolved
 
-    def _coarse(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _coarse(self, points: Floats) -> Bools:
         """Return which pieces between neighbours are too long or too bent, where the curve is near the window."""
         near = self._near(points)
         piece = np.diff(points, axis=0) / self.unit
@@ -232,7 +232,7 @@ class GrowingCurve:
             coarse = (size > self.spacing) | (bent & (size > _SHORTEST * self.spacing))
         return np.asarray(coarse & (near[:-1] | near[1:]) & np.isfinite(size))
 
-    def _joined(self, points: NDArray[np.float64], longest: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _joined(self, points: Floats, longest: float) -> tuple[Floats, Floats]:
         """Return the curve near the window with its length, interrupted by NaN, cut where it is long enough."""
         near = self._near(points)
         kept = near | np.append(near[1:], False) | np.append(False, near[:-1])
@@ -251,5 +251,5 @@ class GrowingCurve:
         )
 
 
-def _complex(vectors: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _complex(vectors: Floats) -> Complexes:
     return np.asarray(vectors[:, 0] + 1j * vectors[:, 1])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..._lib.arrays import Floats
 from ..._lib.checks import finite_number
 from ..._lib.signatures import checked
 from ...basins.record import Basins
@@ -35,8 +36,8 @@ class BoundaryDistance:
         Fraction of the points that are so close.
     """
 
-    places: NDArray[np.float64]
-    distances: NDArray[np.float64]
+    places: Floats
+    distances: Floats
     between: NDArray[np.int16]
     within: float
     fraction: float
@@ -107,7 +108,7 @@ def boundary_distance(
     return BoundaryDistance(places, distances, between, allowed, float((distances <= allowed).mean()))
 
 
-def _boundary(basins: Basins, wanted: ArrayLike | None) -> tuple[NDArray[np.float64], NDArray[np.int16]]:
+def _boundary(basins: Basins, wanted: ArrayLike | None) -> tuple[Floats, NDArray[np.int16]]:
     grid = basins.grid
     assert grid is not None
     axes = [grid.axis(0), grid.axis(1)]
@@ -131,7 +132,7 @@ def _boundary(basins: Basins, wanted: ArrayLike | None) -> tuple[NDArray[np.floa
     return np.concatenate(places), np.concatenate(between)
 
 
-def _dense(curve: NDArray[np.float64], widths: NDArray[np.float64]) -> NDArray[np.float64]:
+def _dense(curve: Floats, widths: Floats) -> Floats:
     """Return points close together on the pieces of a curve."""
     ends = np.isfinite(curve[:-1]).all(axis=1) & np.isfinite(curve[1:]).all(axis=1)
     first, piece = curve[:-1][ends], np.diff(curve, axis=0)[ends]

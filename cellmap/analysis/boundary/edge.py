@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..._lib.arrays import Floats
 from ..._lib.checks import affordable_number, finite_number, whole_number
 from ..._lib.fit import Fit, fit_line
 from ..._lib.signatures import checked
@@ -52,13 +53,13 @@ class EdgeOrbit:
         State variables.
     """
 
-    points: NDArray[np.float64]
-    widths: NDArray[np.float64]
+    points: Floats
+    widths: Floats
     sides: NDArray[np.int16]
     orbit: PeriodicOrbit | None
     returns: int
     growth: Fit
-    scale: NDArray[np.float64]
+    scale: Floats
     coordinates: tuple[Coordinate, ...]
 
     def __repr__(self) -> str:
@@ -162,7 +163,7 @@ def edge_orbit(
     return EdgeOrbit(points, widths, sides, orbit, returns, growth, unit, basins.coordinates)
 
 
-def _growth(grown: NDArray[np.float64]) -> Fit:
+def _growth(grown: Floats) -> Fit:
     """Fit the second half of a growing logarithm; by the time of the first one the orbit is to have settled."""
     last = len(grown) - 1
     fit = fit_line(np.arange(len(grown)), grown, fit_range=(last // 2, last), labels=("step", "ln separation"))
@@ -173,8 +174,8 @@ def _growth(grown: NDArray[np.float64]) -> Fit:
 
 
 def _first_pair(
-    basins: Basins, label: Labeller, inside: int | ArrayLike, outside: int | ArrayLike, unit: NDArray[np.float64]
-) -> tuple[int, NDArray[np.float64]]:
+    basins: Basins, label: Labeller, inside: int | ArrayLike, outside: int | ArrayLike, unit: Floats
+) -> tuple[int, Floats]:
     if isinstance(inside, int | np.integer) != isinstance(outside, int | np.integer):
         raise TypeError(f"inside={inside!r}, outside={outside!r}: give two labels, or two states")
     if isinstance(inside, int | np.integer) and isinstance(outside, int | np.integer):
@@ -191,9 +192,7 @@ def _first_pair(
     return int(ends[0]), pair
 
 
-def _neighbours(
-    basins: Basins, label: Labeller, side: int, other: int, unit: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _neighbours(basins: Basins, label: Labeller, side: int, other: int, unit: Floats) -> Floats:
     """Return the two closest initial conditions of different labels, confirmed by the map.
 
     The second one is moved a little, in all coordinates: of two mirror images in a system with that symmetry the
@@ -220,14 +219,12 @@ def _neighbours(
     )
 
 
-def _golden_direction(dimension: int) -> NDArray[np.float64]:
+def _golden_direction(dimension: int) -> Floats:
     """Return a direction that is none of the axes and no diagonal."""
     return np.mod(np.arange(1, dimension + 1) * 0.6180339887498949, 1.0) - 0.5
 
 
-def _bisected(
-    label: Labeller, pair: NDArray[np.float64], side: int, narrow: float, unit: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], tuple[int, int]]:
+def _bisected(label: Labeller, pair: Floats, side: int, narrow: float, unit: Floats) -> tuple[Floats, tuple[int, int]]:
     """Return a closer pair on the segment, `narrow` apart at most and still on two sides, and its labels."""
     coordinates = label.point_map.coordinates
     fractions = np.linspace(0.0, 1.0, _SECTIONS + 1)[:, None]
@@ -259,7 +256,7 @@ def _bisected(
     )
 
 
-def _period(points: NDArray[np.float64], basins: Basins, longest: int, unit: NDArray[np.float64]) -> int:
+def _period(points: Floats, basins: Basins, longest: int, unit: Floats) -> int:
     """Return the steps after which the end of an orbit has come back for some rounds, 0 where it does not."""
     for q in range(1, min(longest, (len(points) - 1) // 3) + 1):
         tail = points[-3 * q - 1 :]
@@ -269,9 +266,7 @@ def _period(points: NDArray[np.float64], basins: Basins, longest: int, unit: NDA
     return 0
 
 
-def _refined(
-    point_map: PointMap, guess: NDArray[np.float64], period: int, unit: NDArray[np.float64], basins: Basins
-) -> PeriodicOrbit | None:
+def _refined(point_map: PointMap, guess: Floats, period: int, unit: Floats, basins: Basins) -> PeriodicOrbit | None:
     """Return the periodic orbit near a place; None where Newton's method finds none, or one far away."""
     try:
         orbit = periodic_orbit(point_map, guess, period)

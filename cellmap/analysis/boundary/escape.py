@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..._lib.arrays import Bools, Floats, Ints
 from ..._lib.checks import affordable_number, finite_number
 from ..._lib.computed import computed_once
 from ..._lib.fit import Fit, fit_line
@@ -51,14 +51,14 @@ class Restraint:
     def __repr__(self) -> str:
         return f"Restraint({self.point_map.name}, {self.window}, {len(self.attractors)} attractors left out)"
 
-    def __call__(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def __call__(self, points: Floats) -> Bools:
         """Return which points (n, dimension), with angles within their period, are in the region."""
         lower, upper, wraps = self._edges
         with np.errstate(invalid="ignore"):
             within = (points >= lower) & (points <= upper)
         if wraps.any():
             within |= wraps & np.isfinite(points)
-        inside: NDArray[np.bool_] = np.logical_and.reduce(within, axis=1)
+        inside: Bools = np.logical_and.reduce(within, axis=1)
         if self.attractors and inside.any():
             rows = np.flatnonzero(inside)
             caught = self.catalogue.owners_of(np.ascontiguousarray(points[rows])) >= 0
@@ -68,10 +68,10 @@ class Restraint:
         return inside
 
     @computed_once
-    def _edges(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    def _edges(self) -> tuple[Floats, Floats, Bools]:
         return np.array(self.window.lower), np.array(self.window.upper), np.array(self.window.wraps)
 
-    def lifetimes(self, points: NDArray[np.float64], most: int) -> NDArray[np.int64]:
+    def lifetimes(self, points: Floats, most: int) -> Ints:
         """Return for points (n, dimension) how many points of their orbits are in the region before the first outside.
 
         0 for a point that is outside itself, at most `most`.
@@ -133,7 +133,7 @@ class EscapeRate:
     fit: Fit
     rate: float
     standard_error: float
-    survivors: NDArray[np.int64]
+    survivors: Ints
     region: CellGrid
     coordinates: tuple[Coordinate, ...]
 
@@ -255,7 +255,7 @@ def escape_rate(
     return EscapeRate(fit, -fit.slope, error, survivors, grid, point_map.coordinates)
 
 
-def _survivors(times: NDArray[np.int64], last: int) -> NDArray[np.int64]:
+def _survivors(times: Ints, last: int) -> Ints:
     """Return how many orbits are in the region after 0, 1, ..., last - 1 steps."""
     counts = np.bincount(times, minlength=last + 1)
     return np.asarray(len(times) - np.cumsum(counts)[:last])

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..._lib.arrays import Floats
 from ..._lib.checks import claim_memory, finite_number, one_of
 from ..._lib.signatures import checked
 from ...maps.coordinates import Coordinate, wrap
@@ -44,7 +44,7 @@ class Manifold:
     multiplier: float
     branches: tuple[ManifoldBranch, ...]
     spacing: float
-    scale: NDArray[np.float64]
+    scale: Floats
     coordinates: tuple[Coordinate, ...]
 
     def __repr__(self) -> str:
@@ -52,7 +52,7 @@ class Manifold:
         return f"Manifold({self.kind}, multiplier {self.multiplier:.6g}, lengths {lengths})"
 
     @property
-    def points(self) -> NDArray[np.float64]:
+    def points(self) -> Floats:
         """All points, shape (n, 2), angles within their period, without order or interruptions."""
         every = np.concatenate([b.points for b in self.branches])
         return wrap(every[np.isfinite(every).all(axis=1)], self.coordinates)
@@ -156,7 +156,7 @@ def saddle_manifold(
     return Manifold(kind, orbit, multiplier, tuple(branches), apart, unit, point_map.coordinates)
 
 
-def _direction(point_map: PointMap, orbit: PeriodicOrbit, row: int, multiplier: float) -> NDArray[np.float64]:
+def _direction(point_map: PointMap, orbit: PeriodicOrbit, row: int, multiplier: float) -> Floats:
     """Return an eigenvector of the monodromy matrix at one point of the orbit, with a fixed orientation."""
     steps = jacobian(point_map, orbit.points)
     matrix = np.eye(2)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..._lib.arrays import Floats
 from ..._lib.checks import affordable_number, finite_number, whole_number
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
@@ -44,8 +44,8 @@ class ChaoticSaddle:
         State variables.
     """
 
-    points: NDArray[np.float64]
-    staggers: NDArray[np.float64]
+    points: Floats
+    staggers: Floats
     lifetime: int
     largest_stagger: float
     region: CellGrid
@@ -151,17 +151,17 @@ def chaotic_saddle(
     )
 
 
-def _orbit(region: Restraint, point: NDArray[np.float64], most: int) -> NDArray[np.float64]:
+def _orbit(region: Restraint, point: Floats, most: int) -> Floats:
     """Return the orbit of a point as long as it stays in the region, at most some points of it."""
     now = Orbits.starting(wrap(point[None], region.point_map.coordinates))
-    found: list[NDArray[np.float64]] = []
+    found: list[Floats] = []
     while len(found) < most and region(now.points)[0]:
         found.append(now.points[0].copy())
         region.point_map.advance(now, 1)
     return np.array(found)
 
 
-def _first(region: Restraint, steps: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def _first(region: Restraint, steps: int, rng: np.random.Generator) -> Floats:
     """Return a point that stays for more than some steps, found by staggers about the one that stays longest."""
     grid = region.window
     span = np.array(grid.upper) - np.array(grid.lower)
@@ -184,8 +184,8 @@ def _first(region: Restraint, steps: int, rng: np.random.Generator) -> NDArray[n
 
 
 def _stagger(
-    region: Restraint, point: NDArray[np.float64], steps: int, farthest: float, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], float]:
+    region: Restraint, point: Floats, steps: int, farthest: float, rng: np.random.Generator
+) -> tuple[Floats, float]:
     """Move a point to one near by that stays for more than some steps; return it and how far it is."""
     grid = region.window
     span = np.array(grid.upper) - np.array(grid.lower)
@@ -201,7 +201,7 @@ def _stagger(
     )
 
 
-def _small(rng: np.random.Generator, count: int, dimension: int, largest: float) -> NDArray[np.float64]:
+def _small(rng: np.random.Generator, count: int, dimension: int, largest: float) -> Floats:
     """Return random vectors whose lengths are spread evenly over all orders of magnitude."""
     rays = rng.standard_normal((count, dimension))
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)

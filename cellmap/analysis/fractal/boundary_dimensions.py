@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..._lib.arrays import Floats
 from ..._lib.checks import affordable_number, whole_number
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
@@ -152,9 +153,7 @@ def _sizes(sizes: ArrayLike | None, most: int, step: int) -> list[int]:
     return chosen
 
 
-def _missed(
-    image: LabelImage, boundary: NDArray[np.uint8], sizes: Sequence[int], known: dict[int, float]
-) -> NDArray[np.float64]:
+def _missed(image: LabelImage, boundary: NDArray[np.uint8], sizes: Sequence[int], known: dict[int, float]) -> Floats:
     """Return the estimated fraction of boxes with boundary in which the cells do not show it.
 
     With every other cell along each axis, a fraction of the boxes of twice a size is lost.  To a boundary that is

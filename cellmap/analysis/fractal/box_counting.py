@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
+from ..._lib.arrays import Bools, Floats
 from ..._lib.checks import finite_number, real_array
 from ..._lib.fit import Fit, fit_line, scaling_fit, unseen_error
 from ..._lib.randomness import Rng
@@ -53,15 +54,15 @@ class BoxCount:
         for points.
     """
 
-    sizes: NDArray[np.float64]
-    counts: NDArray[np.float64]
-    errors: NDArray[np.float64]
-    missed: NDArray[np.float64]
-    usable: NDArray[np.bool_]
+    sizes: Floats
+    counts: Floats
+    errors: Floats
+    missed: Floats
+    usable: Bools
     fit: Fit
     topological: int | None = None
     ignored: float = 0.0
-    isolated: NDArray[np.float64] | None = None
+    isolated: Floats | None = None
 
     def __repr__(self) -> str:
         first, last = self.sizes[self.fit.inside][[0, -1]]
@@ -117,7 +118,7 @@ class BoxCount:
         reach = float(stdtrit(n - 1, 0.975) * slopes.std(ddof=1) * np.sqrt(1.0 + 1.0 / n))
         return float(slopes.mean()) - reach, float(slopes.mean()) + reach
 
-    def _local_slopes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _local_slopes(self) -> tuple[Floats, Floats]:
         """Middles between neighbouring usable sizes, and slopes there."""
         x, y = self.fit.x[self.usable], self.fit.y[self.usable]
         return 0.5 * (x[1:] + x[:-1]), np.diff(y) / np.diff(x)
@@ -198,7 +199,7 @@ def box_dimension(
     return fitted("points", tried, mean, errors, missed, usable, -raised, fit_range)
 
 
-def checked_sizes(sizes: ArrayLike, name: str = "sizes") -> NDArray[np.float64]:
+def checked_sizes(sizes: ArrayLike, name: str = "sizes") -> Floats:
     """Return sizes in falling order, at least three different ones."""
     chosen = np.unique(real_array(name, sizes).ravel())[::-1]
     if len(chosen) < 3 or not (np.isfinite(chosen).all() and (chosen > 0.0).all()):
@@ -206,22 +207,20 @@ def checked_sizes(sizes: ArrayLike, name: str = "sizes") -> NDArray[np.float64]:
     return chosen
 
 
-def averaged(counts: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def averaged(counts: Floats) -> tuple[Floats, Floats]:
     """Return means over the first axis and their standard errors, 0 for one entry."""
     n = len(counts)
     return counts.mean(axis=0), counts.std(axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.zeros(counts.shape[1:])
 
 
-def unseen(counts: NDArray[np.float64]) -> NDArray[np.float64]:
+def unseen(counts: Floats) -> Floats:
     """Return the estimated fraction of boxes that points miss (Chao 1984), from counts (offset, size, any | 1 | 2)."""
     boxes, ones, twos = counts.mean(axis=0).T
     lost = ones * np.maximum(ones - 1.0, 0.0) / (2.0 * (twos + 1.0))
     return np.asarray(lost / (boxes + lost))
 
 
-def edge_boxes(
-    sizes: NDArray[np.float64], counts: NDArray[np.float64], usable: NDArray[np.bool_], space: Space
-) -> NDArray[np.float64]:
+def edge_boxes(sizes: Floats, counts: Floats, usable: Bools, space: Space) -> Floats:
     """Return by how much boxes that only touch the edges of a set raise the logarithms of counts.
 
     On grids at random places a brick with the sides a, b, ... meets (1 + a/s) (1 + b/s) ... boxes of the size s on
@@ -244,12 +243,12 @@ def edge_boxes(
 
 def fitted(
     subject: str,
-    sizes: NDArray[np.float64],
-    counts: NDArray[np.float64],
-    errors: NDArray[np.float64],
-    missed: NDArray[np.float64],
-    usable: NDArray[np.bool_],
-    correction: NDArray[np.float64],
+    sizes: Floats,
+    counts: Floats,
+    errors: Floats,
+    missed: Floats,
+    usable: Bools,
+    correction: Floats,
     window: tuple[float, float] | None,
     **more: Any,
 ) -> BoxCount:
@@ -263,10 +262,10 @@ def fitted(
 
 def fit_sizes(
     subject: str,
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    sizes: NDArray[np.float64],
-    usable: NDArray[np.bool_],
+    x: Floats,
+    y: Floats,
+    sizes: Floats,
+    usable: Bools,
     window: tuple[float, float] | None,
     labels: tuple[str, str],
     to_the_end: bool = False,
@@ -288,9 +287,7 @@ def fit_sizes(
     return scaling_fit(x, y, (int(chosen[0]), int(chosen[-1])), labels=labels)
 
 
-def _without_tail(
-    sizes: NDArray[np.float64], counts: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _without_tail(sizes: Floats, counts: Floats) -> tuple[Floats, Floats]:
     """Leave out small sizes at which nearly each point has a box of its own, all but one."""
     boxes = counts[..., 0].mean(axis=0)
     last = int(np.argmax(boxes >= 0.98 * boxes[-1]))

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..._lib.arrays import Bools, Floats, Ints
 from ..._lib.checks import one_of, whole_number
 from ..._lib.fit import Fit, fit_line
 from ..._lib.signatures import checked
@@ -48,12 +49,12 @@ class CorrelationSum:
         slope in the window, the choice of the window, and the spread of the slope over segments of the orbit.
     """
 
-    radii: NDArray[np.float64]
-    fractions: NDArray[np.float64]
-    errors: NDArray[np.float64]
+    radii: Floats
+    fractions: Floats
+    errors: Floats
     pairs: int
     theiler: int
-    usable: NDArray[np.bool_]
+    usable: Bools
     fit: Fit
 
     def __repr__(self) -> str:
@@ -156,12 +157,12 @@ def correlation_dimension(
     )
 
 
-def _radii(space: Space, n: int) -> NDArray[np.float64]:
+def _radii(space: Space, n: int) -> Floats:
     """Distances from a quarter of the extent down, in equal ratios."""
     return np.asarray(_LARGEST * space.extent * np.geomspace(1.0, 10.0**-_DECADES, _RADII))
 
 
-def _pairs(space: Space, rising: NDArray[np.float64], theiler: int, norm: float) -> NDArray[np.int64]:
+def _pairs(space: Space, rising: Floats, theiler: int, norm: float) -> Ints:
     """Ordered pairs that are closer than each distance, by the stretch of the orbit that holds the first of them."""
     from scipy.spatial import cKDTree
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from math import log, prod
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..._lib.arrays import Floats, Ints
 from ..._lib.checks import affordable_number, whole_number
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
@@ -51,7 +52,7 @@ class BasinEntropy:
     boundary_entropy: float
     boundary_error: float
     box: tuple[int, ...]
-    boxes: NDArray[np.float64]
+    boxes: Floats
     basins: int
     positions: str
     finest: tuple[float, float]
@@ -186,7 +187,7 @@ def basin_entropy(
     )
 
 
-def box_entropies(counts: NDArray[np.int64], cells: int) -> NDArray[np.float64]:
+def box_entropies(counts: Ints, cells: int) -> Floats:
     """Return the entropy of boxes from the counts of their basins (basins, ...); NaN where too few cells have one."""
     total = counts.sum(axis=0)
     fraction = counts / np.maximum(total, 1)
@@ -194,7 +195,7 @@ def box_entropies(counts: NDArray[np.int64], cells: int) -> NDArray[np.float64]:
     return np.where(total >= _COMPLETE * cells, np.maximum(entropy, 0.0), np.nan)
 
 
-def mean_and_error(values: NDArray[np.float64]) -> tuple[float, float]:
+def mean_and_error(values: Floats) -> tuple[float, float]:
     """Return mean and standard error, NaN for what too few values do not tell."""
     n = len(values)
     return float(values.mean()) if n else np.nan, float(values.std(ddof=1) / np.sqrt(n)) if n > 1 else np.nan
@@ -211,7 +212,7 @@ def _sides(image: LabelImage, box: int | Sequence[int]) -> tuple[int, ...]:
     return sides
 
 
-def _tiled(image: LabelImage, sides: tuple[int, ...]) -> NDArray[np.int64]:
+def _tiled(image: LabelImage, sides: tuple[int, ...]) -> Ints:
     """Count the basins in boxes side by side, shape (basins, boxes along each axis)."""
     tiles = [n // side for n, side in zip(image.numbers.shape, sides, strict=True)]
     used = image.numbers[tuple(slice(0, t * side) for t, side in zip(tiles, sides, strict=True))]
@@ -220,7 +221,7 @@ def _tiled(image: LabelImage, sides: tuple[int, ...]) -> NDArray[np.int64]:
     return np.array([np.count_nonzero(split == k, axis=inner) for k in range(len(image.names))])
 
 
-def _random(image: LabelImage, sides: tuple[int, ...], positions: int, rng: Rng) -> NDArray[np.int64]:
+def _random(image: LabelImage, sides: tuple[int, ...], positions: int, rng: Rng) -> Ints:
     """Count the basins in boxes at random positions, shape (basins, boxes)."""
     offsets = np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), axis=-1).reshape(-1, len(sides))
     rng = random_numbers(rng)
@@ -231,7 +232,7 @@ def _random(image: LabelImage, sides: tuple[int, ...], positions: int, rng: Rng)
     return count_at(image, np.stack(corners, axis=-1), offsets)
 
 
-def count_at(image: LabelImage, places: NDArray[np.int64], offsets: NDArray[np.int64]) -> NDArray[np.int64]:
+def count_at(image: LabelImage, places: Ints, offsets: Ints) -> Ints:
     """Count the basins among the cells at some offsets from places, shape (basins, places)."""
     counts = np.empty((len(image.names), len(places)), np.int64)
     size = max(1, 4_000_000 // len(offsets))

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..._lib.arrays import Bools, Floats
 from ..._lib.checks import real_array
 from ..._lib.fit import Fit
 from ..._lib.randomness import Rng
@@ -40,10 +41,10 @@ class GeneralizedDimensions:
         For each order, the fit of its information against ln 1/size; the slope is D_q.
     """
 
-    orders: NDArray[np.float64]
-    sizes: NDArray[np.float64]
-    informations: NDArray[np.float64]
-    usable: NDArray[np.bool_]
+    orders: Floats
+    sizes: Floats
+    informations: Floats
+    usable: Bools
     fits: tuple[Fit, ...]
 
     def __repr__(self) -> str:
@@ -62,12 +63,12 @@ class GeneralizedDimensions:
         return self.fits[int(places[0])]
 
     @property
-    def dimensions(self) -> NDArray[np.float64]:
+    def dimensions(self) -> Floats:
         """Dimension D_q of each order."""
         return np.array([f.slope for f in self.fits])
 
     @property
-    def standard_errors(self) -> NDArray[np.float64]:
+    def standard_errors(self) -> Floats:
         """Standard errors of D_q: scatter and drift of the slopes in their windows, and the choice of the windows."""
         return np.array([f.standard_error for f in self.fits])
 
@@ -135,7 +136,7 @@ def generalized_dimensions(
         raise ValueError(f"orders={orders!r}: give finite numbers, such as (0, 1, 2)")
     fractions = _fractions(weights, len(space.points))
 
-    def measure(part: Partition) -> NDArray[np.float64]:
+    def measure(part: Partition) -> Floats:
         return np.concatenate([part.occupancy(), part.moments(fractions, q)], axis=1)
 
     found = over_offsets(space, chosen, origin, n_offsets, rng, measure, ordered=weights is not None)
@@ -154,7 +155,7 @@ def generalized_dimensions(
     return GeneralizedDimensions(q, tried, informations, usable, fits)
 
 
-def _fractions(weights: ArrayLike | None, n: int) -> NDArray[np.float64]:
+def _fractions(weights: ArrayLike | None, n: int) -> Floats:
     """Weights with the sum 1."""
     if weights is None:
         return np.full(n, 1.0 / n)
@@ -164,7 +165,7 @@ def _fractions(weights: ArrayLike | None, n: int) -> NDArray[np.float64]:
     return np.asarray(given / given.sum())
 
 
-def _informations(orders: NDArray[np.float64], sums: NDArray[np.float64]) -> NDArray[np.float64]:
+def _informations(orders: Floats, sums: Floats) -> Floats:
     """Rényi informations from the sums over boxes, shape (orders, sizes)."""
     rows = []
     for q, total in zip(orders, sums, strict=True):

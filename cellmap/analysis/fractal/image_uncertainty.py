@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..._lib.arrays import Floats, Ints
 from ..._lib.checks import whole_number
 from ..._lib.fit import fit_line, scaling_fit
 from ..._lib.signatures import checked
@@ -126,7 +127,7 @@ def is_rough(finest: tuple[float, float]) -> bool:
     return bool(finest[0] + 3.0 * finest[1] < 1.0 and finest[0] < 0.95)
 
 
-def _steps(image: LabelImage, steps: ArrayLike | None) -> NDArray[np.int64]:
+def _steps(image: LabelImage, steps: ArrayLike | None) -> Ints:
     shortest = min(image.numbers.shape)
     if steps is not None:
         given = np.asarray(steps)
@@ -138,7 +139,7 @@ def _steps(image: LabelImage, steps: ArrayLike | None) -> NDArray[np.int64]:
     return np.unique(np.round(2.0 ** np.arange(0.0, octaves + 1e-9, 0.25)).astype(np.int64))[::-1]
 
 
-def _compare(image: LabelImage, step: int) -> NDArray[np.int64]:
+def _compare(image: LabelImage, step: int) -> Ints:
     """Return for each block how many pairs there are, how many are uncertain, how many are left out."""
     counts = np.zeros((_BLOCKS**image.numbers.ndim, 3), np.int64)
     complete = image.complete
@@ -162,7 +163,7 @@ def _blocks(shape: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:
         yield tuple(slice(k * n // _BLOCKS, (k + 1) * n // _BLOCKS) for k, n in zip(place, shape, strict=True))
 
 
-def _jackknife(blocks: NDArray[np.int64]) -> NDArray[np.float64]:
+def _jackknife(blocks: Ints) -> Floats:
     """Return the logarithms of fractions without one block each, shape (blocks, distances)."""
     rest = blocks.sum(axis=1)[:, None] - blocks
     pairs, hits = rest[..., 0] - rest[..., 2], rest[..., 1]

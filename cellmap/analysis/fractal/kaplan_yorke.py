@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..._lib.arrays import Floats
 from ..._lib.checks import real_array
 from ...orbits.lyapunov import LyapunovSpectrum
 
@@ -32,8 +33,8 @@ class KaplanYorke:
 
     dimension: float
     standard_error: float
-    exponents: NDArray[np.float64]
-    errors: NDArray[np.float64]
+    exponents: Floats
+    errors: Floats
     whole: int
     bounded: bool
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._compiled.kernels.boxes import halve, mixed_boxes
+from ..._lib.arrays import Floats, Ints
 from ..._lib.threads import run_over, slices
 from .label_images import LabelImage
 
@@ -34,7 +35,7 @@ def boundary_boxes(image: LabelImage) -> NDArray[np.uint8]:
 
 def count_boxes(
     boundary: NDArray[np.uint8], wraps: Sequence[bool], sizes: Sequence[int], offset: Sequence[int]
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the numbers of boxes of some sizes that hold boundary, on a grid with an offset in the smallest boxes.
 
     ``boundary`` are the smallest boxes that hold boundary.  Boxes that the edge of the image cuts count by the fraction
@@ -58,7 +59,7 @@ def count_boxes(
     return np.array(counts)
 
 
-def _corner_rows(rows: tuple[int, ...], boxes: tuple[int, ...]) -> NDArray[np.int64]:
+def _corner_rows(rows: tuple[int, ...], boxes: tuple[int, ...]) -> Ints:
     """Numbers of the rows at the corners of boxes, shape (boxes, corners)."""
     place = np.indices(boxes).reshape(len(boxes), int(np.prod(boxes)))
     corners = []

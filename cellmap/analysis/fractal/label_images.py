@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..._compiled.kernels.boxes import NO_BASIN as NO_BASIN
+from ..._lib.arrays import Bools
 from ..._lib.checks import whole_number
 from ...attractors.labels import LABEL_NAMES
 from ...basins.record import Basins
@@ -66,10 +67,7 @@ class LabelImage:
 
 
 def label_image(
-    source: Basins | ArrayLike,
-    include: Sequence[int] = (),
-    wraps: Sequence[bool] | None = None,
-    name: str = "basins",
+    source: Basins | ArrayLike, include: Sequence[int] = (), wraps: Sequence[bool] | None = None, name: str = "basins"
 ) -> LabelImage:
     """Read a label image from basins on a grid, or from an array of labels.
 
@@ -101,7 +99,7 @@ def label_image(
     LabelImage(2 x 3 cells, 3 basins)
     """
     counted = included_labels(include)
-    missing: NDArray[np.bool_] | None = None
+    missing: Bools | None = None
     if not isinstance(source, Basins):
         labels, missing = _whole(source, name)
         circles = (False,) * labels.ndim
@@ -158,7 +156,7 @@ def included_labels(include: Sequence[int]) -> tuple[int, ...]:
     return counted
 
 
-def _whole(source: ArrayLike, name: str) -> tuple[NDArray[np.integer], NDArray[np.bool_] | None]:
+def _whole(source: ArrayLike, name: str) -> tuple[NDArray[np.integer], Bools | None]:
     """Return labels as whole numbers, and which are missing, if any are."""
     masked = np.ma.getmaskarray(source) if isinstance(source, np.ma.MaskedArray) else None
     try:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..._lib.arrays import Bools, Ints
 from .label_images import NO_BASIN, LabelImage
 
 
-def neighbourhoods(image: LabelImage) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+def neighbourhoods(image: LabelImage) -> tuple[Bools, Ints]:
     """Return which basins are seen in and around each box (boxes, basins), and a neighbour of another colour.
 
     The neighbour, the nearest one, is given by the number of its step, see :func:`steps_to_neighbours`; -1 without one.
@@ -37,7 +37,7 @@ def neighbourhoods(image: LabelImage) -> tuple[NDArray[np.bool_], NDArray[np.int
     return seen, partner
 
 
-def steps_to_neighbours(dimension: int) -> NDArray[np.int64]:
+def steps_to_neighbours(dimension: int) -> Ints:
     """Return the steps to all neighbours, the nearest ones first."""
     steps = np.array([s for s in product((-1, 0, 1), repeat=dimension) if any(s)], np.int64)
     return steps[np.argsort((steps**2).sum(axis=1), kind="stable")]

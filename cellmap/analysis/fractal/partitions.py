@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..._compiled.kernels.boxes import moments, morton_keys, occupancy, separations
+from ..._lib.arrays import Floats, Ints
 from ..._lib.checks import affordable_number, finite_points, real_array, shown
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.threads import run_over
@@ -37,19 +38,14 @@ class Space:
         Lengths that count as one.
     """
 
-    points: NDArray[np.float64]
-    periods: NDArray[np.float64]
+    points: Floats
+    periods: Floats
     extent: float
-    corner: NDArray[np.float64]
-    scales: NDArray[np.float64]
+    corner: Floats
+    scales: Floats
 
     @classmethod
-    def of(
-        cls,
-        points: ArrayLike,
-        coordinates: Sequence[str | Coordinate] | None,
-        scales: ArrayLike | None,
-    ) -> Space:
+    def of(cls, points: ArrayLike, coordinates: Sequence[str | Coordinate] | None, scales: ArrayLike | None) -> Space:
         """Check points and scales.
 
         Without scales these are 1 where all coordinates have the same unit and none is an angle; else the period of an
@@ -106,15 +102,15 @@ class Partition:
     separate: NDArray[np.int16]
     bits: int
     levels: range
-    order: NDArray[np.int64] | None
+    order: Ints | None
 
-    def occupancy(self) -> NDArray[np.int64]:
+    def occupancy(self) -> Ints:
         """Return for each size the number of boxes that hold any point, exactly one, exactly two."""
         counts = np.empty((self.bits + 1, 3), np.int64)
         occupancy(self.separate, self.bits, counts)
         return counts[list(self.levels)]
 
-    def moments(self, weights: NDArray[np.float64], orders: NDArray[np.float64]) -> NDArray[np.float64]:
+    def moments(self, weights: Floats, orders: Floats) -> Floats:
         """Return for each size and order q the sum of p**q over the boxes, with p ln p for q = 1."""
         sums = np.empty((len(self.levels), len(orders)))
         inside = weights if self.order is None else weights[self.order]
@@ -123,7 +119,7 @@ class Partition:
         return sums
 
 
-def dyadic_sizes(space: Space) -> NDArray[np.float64]:
+def dyadic_sizes(space: Space) -> Floats:
     """Return the extent of a set and its halves, quarters, ..., as far as sorted numbers can tell them apart."""
     return np.asarray(space.extent * 0.5 ** np.arange(min(_KEY_BITS // space.dimension, _FINEST)))
 
@@ -135,7 +131,7 @@ def distinct(space: Space) -> Space:
     return replace(space, points=space.points[part.order[part.separate[:-1] <= part.bits]])
 
 
-def dyadic_partition(space: Space, offset: NDArray[np.float64], ordered: bool = False) -> Partition:
+def dyadic_partition(space: Space, offset: Floats, ordered: bool = False) -> Partition:
     """Sort points along a curve that visits the boxes of each dyadic size one after the other (Morton 1966).
 
     ``offset`` (d,) is in units of the largest box, in [0, 1); `ordered` keeps the order of the points.
@@ -157,7 +153,7 @@ def dyadic_partition(space: Space, offset: NDArray[np.float64], ordered: bool = 
     return Partition(separate, bits, range(1, bits + 1), order)
 
 
-def partition(space: Space, size: float, offset: NDArray[np.float64], ordered: bool = False) -> Partition:
+def partition(space: Space, size: float, offset: Floats, ordered: bool = False) -> Partition:
     """Sort points into boxes of one size; the period of an angle is divided into the nearest whole number of them.
 
     The side of a box is in units of the scales, ``offset`` (d,) in units of a box, in [0, 1); `ordered` keeps the order
@@ -186,13 +182,13 @@ def partition(space: Space, size: float, offset: NDArray[np.float64], ordered: b
 
 def over_offsets(
     space: Space,
-    sizes: NDArray[np.float64] | None,
+    sizes: Floats | None,
     origin: ArrayLike | None,
     offsets: int,
     rng: Rng,
     measure: Callable[[Partition], NDArray[Any]],
     ordered: bool = False,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Measure partitions at several offsets of the grid, drawn at random; return an array (offsets, sizes, ...).
 
     Without sizes these are those of :func:`dyadic_sizes`.  An `origin` is a corner of a box, in the place of random
@@ -213,7 +209,7 @@ def over_offsets(
         shifts = random_numbers(rng).random((offsets, space.dimension))
     if sizes is not None and not space.extent / sizes.min() < 2.0**_KEY_BITS:
         raise ValueError(f"sizes={shown(sizes)}: boxes of the smallest size cannot be numbered; give larger ones")
-    found: dict[int, NDArray[np.float64]] = {}
+    found: dict[int, Floats] = {}
 
     def work(number: int) -> None:
         if sizes is None:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from math import floor
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..._lib.arrays import Floats, Ints
 from ..._lib.checks import affordable_number, finite_number
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
@@ -63,7 +64,7 @@ class FractalTest:
     cells: int
     discs: int
     drawn: int
-    entropies: NDArray[np.float64]
+    entropies: Floats
     finest: tuple[float, float]
     exponent: UncertaintyExponent
     name: str = ""
@@ -188,13 +189,11 @@ def fractal_boundary_test(
     )
 
 
-def _draw(
-    image: LabelImage, offsets: NDArray[np.int64], reach: int, wanted: int, rng: Rng
-) -> tuple[NDArray[np.int64], NDArray[np.float64], int]:
+def _draw(image: LabelImage, offsets: Ints, reach: int, wanted: int, rng: Rng) -> tuple[Ints, Floats, int]:
     """Draw discs until enough of them are on the boundary; return places and entropies of these, and how many all."""
     rng = random_numbers(rng)
-    places: list[NDArray[np.int64]] = []
-    entropies: list[NDArray[np.float64]] = []
+    places: list[Ints] = []
+    entropies: list[Floats] = []
     found = drawn = 0
     while found < wanted and drawn < _PATIENCE * wanted:
         batch = np.stack(
@@ -213,9 +212,7 @@ def _draw(
     return np.concatenate(places), np.concatenate(entropies), drawn
 
 
-def _clustered_error(
-    places: NDArray[np.int64], values: NDArray[np.float64], shape: tuple[int, ...], radius: float
-) -> float:
+def _clustered_error(places: Ints, values: Floats, shape: tuple[int, ...], radius: float) -> float:
     """Return the standard error of a mean of values that depend on each other within a part of the image.
 
     Parts are wider than discs.  The error is that of a ratio of sums over parts, none smaller than that of independent

@@ -5,10 +5,11 @@ from __future__ import annotations
 from math import floor
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import quad
 from scipy.special import betainc, xlogy
 
+from ..._lib.arrays import Floats, Ints
 from ..._lib.checks import whole_number
 from ..._lib.signatures import checked
 
@@ -50,20 +51,20 @@ def smooth_boundary_entropy(dimension: int, cells: ArrayLike | None = None) -> f
     return straight_cuts(offsets)[0]
 
 
-def ball(dimension: int, radius: float) -> NDArray[np.int64]:
+def ball(dimension: int, radius: float) -> Ints:
     """Return the cells whose centres are within a radius of that of a cell, shape (n, dimension)."""
     reach = np.arange(-floor(radius), floor(radius) + 1)
     cube = np.stack(np.meshgrid(*(reach,) * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
     return np.asarray(cube[(cube**2).sum(axis=1) <= radius * radius * (1 + 1e-12)])
 
 
-def _two(fraction: ArrayLike) -> NDArray[np.float64]:
+def _two(fraction: ArrayLike) -> Floats:
     """Return the entropy of two basins of which one has this fraction."""
     p = np.asarray(fraction, dtype=float)
     return np.asarray(-xlogy(p, p) - xlogy(1.0 - p, 1.0 - p))
 
 
-def straight_cuts(offsets: NDArray[np.int64]) -> tuple[float, float, float]:
+def straight_cuts(offsets: Ints) -> tuple[float, float, float]:
     """Return the mean entropy of cells that are cut by a plane, and its smallest and largest value over directions.
 
     A plane cuts wherever its distance lies between those of two cells next to each other in its direction; all these
@@ -89,7 +90,7 @@ def straight_cuts(offsets: NDArray[np.int64]) -> tuple[float, float, float]:
     return float(sums.sum() / weights.sum()), float(each.min()), float(each.max())
 
 
-def _along(offsets: NDArray[np.int64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+def _along(offsets: Ints, directions: Floats) -> Floats:
     gaps = np.diff(np.sort(directions @ offsets.T, axis=1), axis=1)
     n = len(offsets)
     return np.asarray(gaps @ _two(np.arange(1, n) / n) / gaps.sum(axis=1))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._compiled.kernels.boxes import NO_BASIN
+from ..._lib.arrays import Bools, Floats
 from .label_boxes import count_boxes
 from .label_images import LabelImage
 
@@ -39,7 +40,7 @@ def without_specks(image: LabelImage) -> LabelImage:
     return replace(image, numbers=labels)
 
 
-def _pieces_of_few_cells(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _pieces_of_few_cells(inside: Bools) -> Bools:
     from scipy.ndimage import label
 
     numbers = label(inside, np.ones((3,) * inside.ndim))[0]
@@ -50,13 +51,13 @@ def _pieces_of_few_cells(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def isolated_fractions(
     boundary: NDArray[np.uint8], rest: NDArray[np.uint8], wraps: Sequence[bool], sizes: Sequence[int]
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the fraction of the boxes with boundary of each size that hold none of the rest, which specks leave."""
     found, left = (count_boxes(bits, wraps, sizes, [0] * bits.ndim) for bits in (boundary, rest))
     return np.asarray(np.clip(1.0 - left / np.maximum(found, 1e-300), 0.0, 1.0))
 
 
-def are_noise(isolated: NDArray[np.float64]) -> bool:
+def are_noise(isolated: Floats) -> bool:
     """Return whether specks lie away from other boundary, by the fraction of boxes that hold them alone.
 
     Shares begin at the smallest size.  They fall with the size where specks are what cells show of finer structure.

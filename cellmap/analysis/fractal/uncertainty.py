@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from math import ceil, log2
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..._lib.arrays import Floats, Ints
 from ..._lib.checks import finite_number, real_array, whole_number
 from ..._lib.randomness import Rng, random_seed
 from ..._lib.signatures import checked
@@ -124,7 +125,7 @@ def uncertainty_exponent(
     wanted = None if distances is None else _decreasing(distances, floor)
     levels = max(1, int(log2(_LARGEST / floor)) + 1) if wanted is None else len(wanted)
     scales = np.asarray(_LARGEST * 0.5 ** np.arange(levels) if wanted is None else wanted, np.float64)
-    rows: list[NDArray[np.int64]] = []
+    rows: list[Ints] = []
     with progress_bar(max_pairs, "uncertain pairs" if progress else None) as tick:
         left = max_pairs
         for level, distance in enumerate(scales):
@@ -181,7 +182,7 @@ def smallest_distance(states: FinalStates) -> float:
     return float((_SAFETY * error[wide] / (upper - lower)[wide]).max())
 
 
-def _decreasing(distances: ArrayLike, floor: float) -> NDArray[np.float64]:
+def _decreasing(distances: ArrayLike, floor: float) -> Floats:
     values = real_array("distances", distances)
     if values.ndim != 1 or not len(values) or not (np.diff(values) < 0.0).all():
         raise ValueError(f"distances={distances!r}: give a decreasing list of distances")
@@ -190,7 +191,7 @@ def _decreasing(distances: ArrayLike, floor: float) -> NDArray[np.float64]:
     return values
 
 
-def _expected(rows: list[NDArray[np.int64]], scales: NDArray[np.float64], uncertain: int) -> int:
+def _expected(rows: list[Ints], scales: Floats, uncertain: int) -> int:
     """Return how many pairs the next distance needs, as far as the last two tell."""
     if not rows:
         return _FIRST
@@ -205,7 +206,7 @@ def _expected(rows: list[NDArray[np.int64]], scales: NDArray[np.float64], uncert
 
 def _count(
     states: FinalStates, distance: float, number: int, counted: tuple[int, ...], seed: tuple[int, int, int]
-) -> NDArray[np.int64]:
+) -> Ints:
     """Draw pairs; return how many there are, are uncertain, are left out, and hold an undecided initial condition."""
     parts = slices(number, _HALF)
     counts = np.zeros((len(parts), 4), np.int64)
@@ -221,7 +222,7 @@ def _count(
     return np.asarray(counts.sum(axis=0))
 
 
-def _pairs(region: CellGrid, distance: float, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def _pairs(region: CellGrid, distance: float, n: int, rng: np.random.Generator) -> Floats:
     """Return n initial conditions followed by their partners, shape (2 n, d)."""
     wide = np.flatnonzero(np.array(region.shape) > 1)
     first = rng.random((n, len(wide)))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..._lib.arrays import Bools, Floats, Ints
 from ..._lib.binomial import binomial_interval
 from ..._lib.fit import Fit, fit_line, scaling_fit
 from ...maps.orbit_batch import Cost
@@ -52,11 +52,11 @@ class UncertaintyExponent:
     """
 
     fit: Fit | None
-    distances: NDArray[np.float64]
-    pairs: NDArray[np.int64]
-    uncertain: NDArray[np.int64]
-    left_out: NDArray[np.int64]
-    undecided: NDArray[np.int64]
+    distances: Floats
+    pairs: Ints
+    uncertain: Ints
+    left_out: Ints
+    undecided: Ints
     dimension: int
     floor: float
     unit: str
@@ -90,12 +90,12 @@ class UncertaintyExponent:
         return self.dimension - self.exponent
 
     @property
-    def fractions(self) -> NDArray[np.float64]:
+    def fractions(self) -> Floats:
         """Fraction of uncertain pairs at each distance."""
         return np.asarray(self.uncertain / np.maximum(self.pairs, 1))
 
     @property
-    def intervals(self) -> NDArray[np.float64]:
+    def intervals(self) -> Floats:
         """95 % confidence interval of each fraction (Wilson 1927), shape (n, 2); pairs are taken as independent."""
         return np.stack(binomial_interval(self.uncertain, self.pairs, method="Wilson"), axis=-1)
 
@@ -138,11 +138,11 @@ class UncertaintyExponent:
 
 
 def fit_exponent(
-    distances: NDArray[np.float64],
-    pairs: NDArray[np.int64],
-    uncertain: NDArray[np.int64],
-    left_out: NDArray[np.int64],
-    undecided: NDArray[np.int64],
+    distances: Floats,
+    pairs: Ints,
+    uncertain: Ints,
+    left_out: Ints,
+    undecided: Ints,
     dimension: int,
     floor: float,
     unit: str,
@@ -167,7 +167,7 @@ def fit_exponent(
     return replace(empty, fit=replace(fit, y=y))
 
 
-def _run(usable: NDArray[np.bool_]) -> int:
+def _run(usable: Bools) -> int:
     """Return how many usable distances follow each other up to the smallest one."""
     finite = np.flatnonzero(usable)
     if not len(finite):

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.ndimage import distance_transform_edt
 
+from ..._lib.arrays import Bools, Floats
 from ..._lib.checks import finite_number
 from ..._lib.signatures import checked
 from ...basins.record import Basins
@@ -52,10 +53,10 @@ class MergingTest:
     basins: tuple[int, ...]
     radius: float
     tolerance: float
-    largest: NDArray[np.float64]
-    median: NDArray[np.float64]
-    apart: NDArray[np.float64]
-    sides: NDArray[np.float64]
+    largest: Floats
+    median: Floats
+    apart: Floats
+    sides: Floats
     cells: int
     name: str = ""
 
@@ -171,7 +172,7 @@ def wada_merging(
     )
 
 
-def _merged_boundary(image: LabelImage, basin: int) -> NDArray[np.bool_]:
+def _merged_boundary(image: LabelImage, basin: int) -> Bools:
     """Mark cells next to the boundary between one basin and all others together."""
     own = image.numbers == basin
     known = image.numbers != NO_BASIN
@@ -187,7 +188,7 @@ def _merged_boundary(image: LabelImage, basin: int) -> NDArray[np.bool_]:
     return edge
 
 
-def _distance(edge: NDArray[np.bool_], wraps: tuple[bool, ...]) -> NDArray[np.float64]:
+def _distance(edge: Bools, wraps: tuple[bool, ...]) -> Floats:
     """Return the distance of each cell from the nearest marked one, also round circles; inf if there is none."""
     if not edge.any():
         return np.full(edge.shape, np.inf)

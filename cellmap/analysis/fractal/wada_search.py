@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._lib.arrays import Bools, Floats, Ints
 from ..._lib.checks import finite_number, whole_number
 from ..._lib.signatures import checked
 from ..._lib.threads import slices
@@ -60,10 +61,10 @@ class WadaGrid:
     """
 
     basins: tuple[int, ...]
-    boxes: NDArray[np.int64]
-    points: NDArray[np.int64]
+    boxes: Ints
+    points: Ints
     colours: NDArray[np.int8]
-    closer: NDArray[np.int64]
+    closer: Ints
     tolerance: float
     region: CellGrid
     attractors: tuple[Attractor, ...] = ()
@@ -82,7 +83,7 @@ class WadaGrid:
         return int(self.boxes[-1, 2:].sum())
 
     @property
-    def fractions(self) -> NDArray[np.float64]:
+    def fractions(self) -> Floats:
         """Fraction of the boundary boxes with m basins in column m, for each step; shape (steps + 1, k + 1)."""
         ratios = self.boxes / max(self.boundary, 1)
         ratios[:, :2] = 0.0
@@ -221,7 +222,7 @@ def _centres(
     return final_states(basins, None, (), None, max_periods), basins.labels
 
 
-def _by_states(states: FinalStates) -> NDArray[np.int64]:
+def _by_states(states: FinalStates) -> Ints:
     """Label the centres of all boxes."""
     region = states.region
     axes = [region.axis(j) for j in range(region.dimension)]
@@ -230,9 +231,7 @@ def _by_states(states: FinalStates) -> NDArray[np.int64]:
     return labels.reshape(region.shape)
 
 
-def _segments(
-    region: CellGrid, boxes: NDArray[np.int64], partner: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _segments(region: CellGrid, boxes: Ints, partner: Ints) -> tuple[Floats, Floats]:
     """Return the centres of boxes, and the ways from there to their neighbours."""
     wide = [j for j, n in enumerate(region.shape) if n > 1]
     ways = np.zeros((len(boxes), region.dimension))
@@ -247,16 +246,14 @@ class _Look:
     states: FinalStates
     names: tuple[int, ...]
 
-    def colours(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+    def colours(self, points: Floats) -> Ints:
         """Return the number of the basin of each point (n, d), -1 for one without."""
         labels = self.states.label(points)
         names = np.array(self.names)
         place = np.minimum(np.searchsorted(names, labels), len(names) - 1)
         return np.where(names[place] == labels, place, NO_BASIN)
 
-    def refine(
-        self, seen: NDArray[np.bool_], begin: NDArray[np.float64], way: NDArray[np.float64], steps: int, points: int
-    ) -> tuple[list[NDArray[np.int64]], list[int]]:
+    def refine(self, seen: Bools, begin: Floats, way: Floats, steps: int, points: int) -> tuple[list[Ints], list[int]]:
         """Look at segments in ever finer steps, and mark (segments, basins) what is seen.
 
         Returns the numbers of segments by the number of their basins, before the first step and after each, and how
@@ -276,9 +273,7 @@ class _Look:
             tallies.append(_tally(seen))
         return tallies, used
 
-    def halve(
-        self, begin: NDArray[np.float64], way: NDArray[np.float64], colour: NDArray[np.int16]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], int]:
+    def halve(self, begin: Floats, way: Floats, colour: NDArray[np.int16]) -> tuple[Floats, Floats, Bools, int]:
         """Halve segments that begin with a colour and end with another one, so that they still do.
 
         Returns the short segments, the colours of their ends, and the number of points looked at.  A segment with a
@@ -301,6 +296,6 @@ class _Look:
         return begin[kept], way[kept], seen[kept], looked
 
 
-def _tally(seen: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _tally(seen: Bools) -> Ints:
     """Count rows (rows, basins) by the number of basins that they know."""
     return np.bincount(seen.sum(axis=1), minlength=seen.shape[1] + 1)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._lib.arrays import Floats
 from ..._lib.binomial import binomial_interval
 from ..._lib.checks import affordable_number, of_the_user
 from ..._lib.randomness import Rng, random_numbers
@@ -20,7 +21,7 @@ from ...maps.grid import CellGrid
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor, distinct_names
 
-Distribution = Callable[[np.random.Generator, int], NDArray[np.float64]]
+Distribution = Callable[[np.random.Generator, int], Floats]
 """``distribution(rng, n)`` draws n states, shape (n, dimension)."""
 
 
@@ -73,7 +74,7 @@ class BasinStability:
 
     fractions: Mapping[int, SampledFraction]
     names: Mapping[int, str]
-    states: NDArray[np.float64]
+    states: Floats
     labels: NDArray[np.int16]
     settling_time: NDArray[np.int32]
     confidence: float
@@ -168,7 +169,7 @@ def basin_stability(
     return BasinStability(sampled, names, states, labels, times, confidence)
 
 
-def _drawn(distribution: object, label: Labeller, n: int, rng: Rng) -> NDArray[np.float64]:
+def _drawn(distribution: object, label: Labeller, n: int, rng: Rng) -> Floats:
     rng = random_numbers(rng)
     d = label.point_map.dimension
     if isinstance(distribution, CellGrid):

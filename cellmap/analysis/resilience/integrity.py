@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..._lib.arrays import Floats
 from ..._lib.checks import whole_array, whole_number
 from ..._lib.randomness import Rng
 from ..._lib.signatures import checked
@@ -48,11 +49,11 @@ class Ball:
     """
 
     label: int
-    centre: NDArray[np.float64]
+    centre: Floats
     radius: float
     image_radius: float
     resolution: float
-    scale: NDArray[np.float64]
+    scale: Floats
     meets_window: bool
     shock: FatalShock | None
 
@@ -235,16 +236,12 @@ def largest_ball(
     return Ball(k, centre, final, radius, _resolution(grid, unit), unit, beyond and shock is None, shock)
 
 
-def _resolution(grid: CellGrid | None, unit: NDArray[np.float64]) -> float:
+def _resolution(grid: CellGrid | None, unit: Floats) -> float:
     return np.nan if grid is None else float(np.linalg.norm(grid.widths / unit))
 
 
 def _meets_window(
-    grid: CellGrid | None,
-    coordinates: Sequence[Coordinate],
-    centre: NDArray[np.float64],
-    radius: float,
-    unit: NDArray[np.float64],
+    grid: CellGrid | None, coordinates: Sequence[Coordinate], centre: Floats, radius: float, unit: Floats
 ) -> bool:
     """Return whether a ball reaches beyond a window, where nothing is known."""
     if grid is None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._lib.arrays import Floats, Ints
 from ..._lib.checks import finite_number
 from ..._lib.signatures import checked
 from ...attractors.labels import LABEL_NAMES, Label
@@ -43,9 +44,9 @@ class SettlingTimes:
     mean: float
     standard_error: float
     levels: tuple[float, ...]
-    quantiles: NDArray[np.float64]
+    quantiles: Floats
     longest: int
-    times: NDArray[np.int64]
+    times: Ints
 
     def __repr__(self) -> str:
         middle = ", ".join(f"{100 * p:g} %: {q:g}" for p, q in zip(self.levels, self.quantiles, strict=True))

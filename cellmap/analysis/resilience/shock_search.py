@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..._lib.arrays import Bools, Floats, Ints
 from ...attractors.labels import Label
 from ...basins.classification import places_of
 from ...basins.record import Basins
@@ -20,15 +20,12 @@ _WIDEST, COARSE, FINE = 0.5, 1e-2, 2e-6  # spread of the rays, in radians: at fi
 _CANDIDATES = 4
 _CLOSE = 1.5  # times the distance of the nearest foreign cell, within which candidates are chosen
 
-Fatal = Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+Fatal = Callable[[Floats], Bools]
 
 
 def nearest_foreign(
-    places: NDArray[np.float64],
-    origins: NDArray[np.float64],
-    unit: NDArray[np.float64],
-    coordinates: Sequence[Coordinate],
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    places: Floats, origins: Floats, unit: Floats, coordinates: Sequence[Coordinate]
+) -> tuple[Floats, Ints]:
     """Return the scaled distance from each origin to the nearest of some places, angles as circles, and which it is."""
     tree, scaled = circular_tree(places, unit, coordinates)
     distance, nearest = tree.query(scaled(origins))
@@ -36,24 +33,22 @@ def nearest_foreign(
 
 
 def circular_tree(
-    places: NDArray[np.float64], unit: NDArray[np.float64], coordinates: Sequence[Coordinate]
-) -> tuple[Any, Callable[[NDArray[np.float64]], NDArray[np.float64]]]:
+    places: Floats, unit: Floats, coordinates: Sequence[Coordinate]
+) -> tuple[Any, Callable[[Floats], Floats]]:
     """Return a k-d tree of places in units of length, angles as circles, and what scales points for queries to it."""
     from scipy.spatial import cKDTree
 
     cut, turn = turns_of(coordinates)
     around = turn / unit
 
-    def scaled(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scaled(points: Floats) -> Floats:
         x = (wrap(points, coordinates) - np.where(turn > 0.0, cut, 0.0)) / unit
         return np.asarray(np.where((turn > 0.0) & (x >= around), 0.0, x))  # the tree takes no end of a circle
 
     return cKDTree(scaled(places), boxsize=around), scaled
 
 
-def candidates_of(
-    basins: Basins, k: int, origins: NDArray[np.float64], unit: NDArray[np.float64], free: NDArray[np.int64]
-) -> list[tuple[int, NDArray[np.float64]]]:
+def candidates_of(basins: Basins, k: int, origins: Floats, unit: Floats, free: Ints) -> list[tuple[int, Floats]]:
     """Return an attractor's points with shocks to initial conditions outside the basin, in different directions."""
     labels = basins.labels.ravel()
     outside = places_of(basins)[(labels != k) & (labels != Label.UNDECIDED)]
@@ -63,7 +58,7 @@ def candidates_of(
         )
     distance, _ = nearest_foreign(outside[:, free], origins[:, free], unit[free], [basins.coordinates[j] for j in free])
     frozen = np.setdiff1d(np.arange(len(unit)), free)
-    found: list[tuple[float, int, NDArray[np.float64]]] = []
+    found: list[tuple[float, int, Floats]] = []
     for row in np.argsort(distance, kind="stable")[:_CANDIDATES]:
         shifts = difference(outside, origins[row], basins.coordinates) / unit
         if len(frozen) and basins.grid is not None:
@@ -90,7 +85,7 @@ def candidates_of(
     return [(row, shock) for _, row, shock in found]
 
 
-def shortened(fatal: Fatal, shock: NDArray[np.float64], finest: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def shortened(fatal: Fatal, shock: Floats, finest: float, rng: np.random.Generator) -> Floats:
     """Shorten a fatal shock by trying rays about it, ever closer ones."""
     spread = _WIDEST
     d = len(shock)
@@ -112,7 +107,7 @@ def shortened(fatal: Fatal, shock: NDArray[np.float64], finest: float, rng: np.r
     return shock
 
 
-def fatal_inside(fatal: Fatal, shock: NDArray[np.float64], count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def fatal_inside(fatal: Fatal, shock: Floats, count: int, rng: np.random.Generator) -> Floats:
     """Return those of some random shocks, uniform in the ball of a shock's size, that are fatal."""
     d = len(shock)
     rays = rng.standard_normal((count, d))
@@ -121,7 +116,7 @@ def fatal_inside(fatal: Fatal, shock: NDArray[np.float64], count: int, rng: np.r
     return shocks[fatal(shocks)]
 
 
-def bracketed(fatal: Fatal, shock: NDArray[np.float64]) -> tuple[NDArray[np.float64], tuple[float, float]]:
+def bracketed(fatal: Fatal, shock: Floats) -> tuple[Floats, tuple[float, float]]:
     """Return the shock shortened along its ray, with the sizes between which the basin ends on it."""
     size = float(np.linalg.norm(shock))
     factors = np.concatenate([[0.0], _SHRINKING, [1.0]])

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..._lib.arrays import Bools, Floats, Ints
 from ..._lib.binomial import binomial_interval
 from ..._lib.checks import affordable_number, listed, shown, whole_number
 from ..._lib.randomness import Rng, random_numbers
@@ -59,12 +60,12 @@ class FatalShock:
     """
 
     label: int
-    point: NDArray[np.float64]
-    shock: NDArray[np.float64]
+    point: Floats
+    shock: Floats
     size: float
     bracket: tuple[float, float]
     reached: int
-    scale: NDArray[np.float64]
+    scale: Floats
     from_image: float
     tested: int
     inside_fatal: int
@@ -77,7 +78,7 @@ class FatalShock:
         return f"FatalShock(size {self.size:.8g}, ({kick}) from attractor {self.label} to {self.reached})"
 
     @property
-    def end(self) -> NDArray[np.float64]:
+    def end(self) -> Floats:
         """State after the shock, angles within their period."""
         return wrap(self.point + self.shock, self.coordinates)
 
@@ -158,8 +159,8 @@ def minimal_fatal_shock(
         raise ValueError(f"point={shown(point)}: give one state")
     tally: list[int] = []
 
-    def fatal_from(origin: NDArray[np.float64]) -> Fatal:
-        def fatal(shocks: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def fatal_from(origin: Floats) -> Fatal:
+        def fatal(shocks: Floats) -> Bools:
             full = np.zeros((len(shocks), d))
             full[:, free] = shocks * unit[free]
             found = labels_of(origin + full)
@@ -174,7 +175,7 @@ def minimal_fatal_shock(
                          f"{int(home[home != k][0])}, not {k}; give a state in the basin")  # fmt: skip
     candidates = candidates_of(basins, k, origins, unit, free)
     rng = random_numbers(rng)
-    best: tuple[float, int, NDArray[np.float64]] | None = None
+    best: tuple[float, int, Floats] | None = None
     nearest = np.inf
     for row, shock in candidates:
         fatal = fatal_from(origins[row])
@@ -230,7 +231,7 @@ def minimal_fatal_shock(
     )
 
 
-def _columns(along: Sequence[int | str] | None, coordinates: Sequence[Coordinate]) -> NDArray[np.int64]:
+def _columns(along: Sequence[int | str] | None, coordinates: Sequence[Coordinate]) -> Ints:
     if along is None:
         return np.arange(len(coordinates))
     names = [c.name for c in coordinates]

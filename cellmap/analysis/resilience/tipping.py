@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..._lib.arrays import Floats, Ints
 from ..._lib.binomial import binomial_interval
 from ..._lib.checks import finite_number, one_of, whole_array
 from ..._lib.signatures import checked
@@ -51,11 +52,11 @@ class TippingProbabilities:
     before: tuple[int, ...]
     after: tuple[int, ...]
     names: tuple[tuple[str, ...], tuple[str, ...]]
-    counts: NDArray[np.int64]
-    probabilities: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    landing: NDArray[np.float64] | None
+    counts: Ints
+    probabilities: Floats
+    low: Floats
+    high: Floats
+    landing: Floats | None
     continuation: tuple[int | None, ...]
     match: str
     confidence: float
@@ -67,7 +68,7 @@ class TippingProbabilities:
         return f"TippingProbabilities({int(self.counts.sum())} cells; tipped: {tipped})"
 
     @property
-    def tipping(self) -> NDArray[np.float64]:
+    def tipping(self) -> Floats:
         """Fraction of each basin before the change that tips, with its interval, shape (basins, 3).
 
         A state does not tip if it converges to the attractor that continues its own; without a continuation all states
@@ -157,7 +158,7 @@ def tipping_probabilities(
     low, high = binomial_interval(counts, np.broadcast_to(total, counts.shape), confidence)
     with np.errstate(invalid="ignore"):
         fractions = counts / np.where(total > 0, total, np.nan)
-    landed: NDArray[np.float64] | None = None
+    landed: Floats | None = None
     if isinstance(before, Basins) and isinstance(after, Basins) and (point_map or after.point_map) is not None:
         landing = _landing(before, after, columns, point_map)
         columns, fractions, counts, low, high, landed = _with_landed(
@@ -195,7 +196,7 @@ def _nearest(before: Any, after: Any, farthest: float) -> tuple[int | None, ...]
     return tuple(label.get(k) for k in range(len(before.attractors)))
 
 
-def _overlapping(counts: NDArray[np.int64], labels: tuple[int, ...]) -> tuple[int | None, ...]:
+def _overlapping(counts: Ints, labels: tuple[int, ...]) -> tuple[int | None, ...]:
     """Return the labels of the basins that have most in common with those before, where that is mutual."""
     best = (counts == counts.max(axis=1, keepdims=True, initial=1)) & (
         counts == counts.max(axis=0, keepdims=True, initial=1)
@@ -204,7 +205,7 @@ def _overlapping(counts: NDArray[np.int64], labels: tuple[int, ...]) -> tuple[in
     return tuple(labels[int(np.argmax(row))] if row.any() else None for row in alone)
 
 
-def _labels_of(name: str, given: Basins | ArrayLike) -> NDArray[np.int64]:
+def _labels_of(name: str, given: Basins | ArrayLike) -> Ints:
     return whole_array(name, given.labels if isinstance(given, Basins) else given, "Basins or whole numbers as labels")
 
 
@@ -219,7 +220,7 @@ def _check_initial_conditions(before: Basins, after: Basins) -> None:
         raise ValueError(f"before, after are on {before.grid} and {after.grid}: find both basins on one window")
 
 
-def _numbers_of(given: Any, labels: NDArray[np.int64]) -> tuple[int, ...]:
+def _numbers_of(given: Any, labels: Ints) -> tuple[int, ...]:
     basins = range(len(given.attractors)) if isinstance(given, Basins) else np.unique(labels[labels >= 0]).tolist()
     return (*basins, *sorted(np.unique(labels[labels < 0]).tolist(), reverse=True))
 
@@ -229,9 +230,7 @@ def _names_of(given: Any, numbers: tuple[int, ...]) -> tuple[str, ...]:
     return tuple(known.get(k, LABEL_NAMES.get(k, f"label {k}")) for k in numbers)
 
 
-def _landing(
-    before: Basins, after: Basins, columns: tuple[int, ...], point_map: PointMap | None
-) -> dict[int, NDArray[np.float64]]:
+def _landing(before: Basins, after: Basins, columns: tuple[int, ...], point_map: PointMap | None) -> dict[int, Floats]:
     """Return the fraction of each attractor's points for each label after the change, one array for each label."""
     label = labeller(after, point_map=point_map)
     ends = [label(a.points) for a in before.attractors]
@@ -241,11 +240,11 @@ def _landing(
 
 def _with_landed(
     columns: tuple[int, ...],
-    fractions: NDArray[np.float64],
-    counts: NDArray[np.int64],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    landing: dict[int, NDArray[np.float64]],
+    fractions: Floats,
+    counts: Ints,
+    low: Floats,
+    high: Floats,
+    landing: dict[int, Floats],
     confidence: float,
 ) -> tuple[Any, ...]:
     """Add columns for labels that only points of attractors carry."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..._compiled.kernels.capture import Regions
 from ..._compiled.kernels.cell_images import SEVERAL, boxes_of, claim_within, reach_ends, reaches_of
 from ..._compiled.kernels.certainty import FARTHEST, NONE
+from ..._lib.arrays import Floats, Ints
 from ..._lib.threads import run_over, slices
 from ...attractors.labels import Label
 from ...attractors.settling import Catalogue, settle
@@ -45,9 +46,9 @@ class Setting:
     direct: PointMap
     exact: PointMap
     escapes: bool
-    place: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
+    place: tuple[Floats, Floats, Ints, Floats]
     neighbourhoods: Regions
-    overhangs: NDArray[np.int64]
+    overhangs: Ints
 
     @classmethod
     def of(cls, basins: Basins, point_map: PointMap) -> Setting:
@@ -69,7 +70,7 @@ class Setting:
             overhangs=_overhangs(grid, catalogue),
         )
 
-    def cells_of(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+    def cells_of(self, points: Floats) -> Ints:
         """Return the cells of those points that have one, flat."""
         places = Locator.of(self.grid, self.direct.coordinates)(points)
         return places[places >= 0]
@@ -96,7 +97,7 @@ def within(grid: CellGrid, exact: PointMap) -> PointMap:
     return replace(exact, advance=advance)
 
 
-def owners_of_cells(setting: Setting, errors: TableErrors, late: Iterable[NDArray[np.float64]]) -> NDArray[np.int16]:
+def owners_of_cells(setting: Setting, errors: TableErrors, late: Iterable[Floats]) -> NDArray[np.int16]:
     """Return the attractor of each cell from which no path over images of cells leads to another one, or none.
 
     Orbits from the points in `late`, batches (n, d), come to no end in time, or late.
@@ -116,7 +117,7 @@ def owners_of_cells(setting: Setting, errors: TableErrors, late: Iterable[NDArra
     return np.where(ends > 0, ends - _FIRST, NONE).astype(np.int16)
 
 
-def _ends_within(setting: Setting, late: Iterable[NDArray[np.float64]]) -> NDArray[np.int16]:
+def _ends_within(setting: Setting, late: Iterable[Floats]) -> NDArray[np.int16]:
     """Return for each cell the number of the set in which orbits may stay within it for ever, from 1 on.
 
     These are attractors, whether they hold a cell as a whole or not, and sets that orbits leave late or never: paths
@@ -124,7 +125,7 @@ def _ends_within(setting: Setting, late: Iterable[NDArray[np.float64]]) -> NDArr
     """
     ends = np.zeros(setting.grid.size, np.int16)
 
-    def meet(here: NDArray[np.int64], number: int) -> None:
+    def meet(here: Ints, number: int) -> None:
         met = ends[here]
         ends[here] = np.where((met == 0) | (met == number + _FIRST), number + _FIRST, SEVERAL)
 
@@ -137,12 +138,12 @@ def _ends_within(setting: Setting, late: Iterable[NDArray[np.float64]]) -> NDArr
     return ends
 
 
-def _around(dimension: int, step: float) -> NDArray[np.float64]:
+def _around(dimension: int, step: float) -> Floats:
     """Return the corners of a cube around 0."""
     return step * (2.0 * np.array(list(np.ndindex((2,) * dimension))) - 1.0)
 
 
-def _overhangs(grid: CellGrid, catalogue: Catalogue) -> NDArray[np.int64]:
+def _overhangs(grid: CellGrid, catalogue: Catalogue) -> Ints:
     """Return boxes of cells, first and last, that hold the attractors which reach out of the table's window.
 
     An orbit that leaves the window there is captured before it counts as escaped.  Along angles boxes have no ends.
@@ -187,9 +188,7 @@ def _boxes_of_images(
     return first, last
 
 
-def _sampled(
-    setting: Setting, errors: TableErrors, cells: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int16]]:
+def _sampled(setting: Setting, errors: TableErrors, cells: Ints) -> tuple[Floats, Floats, NDArray[np.int16]]:
     """Return middles and reaches of the images of some cells, and labels that a period settles, from samples."""
     grid, d = setting.grid, setting.grid.dimension
     sides = _samples_along(d)
@@ -214,7 +213,7 @@ def _samples_along(dimension: int) -> int:
     return 5 if dimension < 3 else 3
 
 
-def _cells_on(setting: Setting, cover: Cover) -> NDArray[np.int64]:
+def _cells_on(setting: Setting, cover: Cover) -> Ints:
     """Return the cells that touch boxes of a cover, some of them often."""
     grid = setting.grid
     # A point for each box of half a cell at most, and some at its edges.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._compiled.kernels.certainty import NONE, carry_rows, judging, keep_rows, sort_out, widening
+from ..._lib.arrays import Bools, Floats, Ints
 from ..._lib.checks import affordable_number, claim_memory, finite_number, warn_caller
 from ..._lib.randomness import Rng, random_numbers, random_seed
 from ..._lib.signatures import checked
@@ -160,7 +161,7 @@ def certify(
     )
 
 
-def _slow(basins: Basins) -> NDArray[np.bool_]:
+def _slow(basins: Basins) -> Bools:
     """Return which initial conditions take more than half of the allowed periods: another map may need too many."""
     late = basins.settling_time.ravel() > basins.settings["max_periods"] // 2
     return np.asarray(late | np.isin(basins.labels.ravel(), _OPEN))
@@ -170,7 +171,7 @@ def _slow(basins: Basins) -> NDArray[np.bool_]:
 class _Left:
     """Initial conditions without certain label, and their states at an age in periods."""
 
-    rows: NDArray[np.int64]
+    rows: Ints
     orbits: Orbits
     age: int
 
@@ -216,7 +217,7 @@ class _Run:
         self.undecided = np.flatnonzero(undecided)
         return Verification.of(int(np.count_nonzero(direct != self.labels[drawn])), len(drawn))
 
-    def _late(self) -> Iterator[NDArray[np.float64]]:
+    def _late(self) -> Iterator[Floats]:
         """Yield the initial conditions that settle late or never, in batches."""
         for part in slices(len(self.slow), CHUNK):
             rows = np.flatnonzero(self.slow[part]) + part.start
@@ -232,7 +233,7 @@ class _Run:
         labels[changed], times[changed] = owners[changed], 0
         self.evidence[part][held] = Evidence.CELL
 
-    def follow(self, point_map: PointMap, rows: NDArray[np.int64], errors: NDArray[np.float64], mark: Evidence) -> None:
+    def follow(self, point_map: PointMap, rows: Ints, errors: Floats, mark: Evidence) -> None:
         """Follow orbits with bounds of their errors, and label those that are inside a region within these bounds.
 
         The others keep their label if this is the interpolated map; the exact map labels them too.
@@ -262,9 +263,7 @@ class _Run:
         return settled.tally
 
     @np.errstate(invalid="ignore", over="ignore")  # errors that have grown too large may grow beyond all bounds
-    def _follow(
-        self, point_map: PointMap, rows: NDArray[np.int64], errors: NDArray[np.float64], mark: Evidence
-    ) -> tuple[list[_Left], Tally]:
+    def _follow(self, point_map: PointMap, rows: Ints, errors: Floats, mark: Evidence) -> tuple[list[_Left], Tally]:
         """Follow orbits until their label is certain; return those without certain label, and the work."""
         setting, d = self.setting, point_map.dimension
         left: list[_Left] = []
@@ -298,7 +297,7 @@ class _Run:
             steps += going
         return left, Tally(steps, 0, orbits.work.evaluations, orbits.work.look_ups)
 
-    def _stopped(self, orbits: Orbits, spread: NDArray[np.float64], found: NDArray[np.int64]) -> None:
+    def _stopped(self, orbits: Orbits, spread: Floats, found: Ints) -> None:
         """Find orbits that rest at equilibria, and write those with all of whose errors they would soon rest there too.
 
         Errors at an equilibrium of dry friction are tried at the ends of the axes of their ellipsoids' boxes.
@@ -314,7 +313,7 @@ class _Run:
                 labels = settle(self.setting.direct, Orbits.starting(tried), self.setting.catalogue, _SOON).labels
                 found[rows[(labels.reshape(len(rows), -1) == number).all(axis=1)]] = number
 
-    def _widen(self, points: NDArray[np.float64], spread: NDArray[np.float64], errors: NDArray[np.float64]) -> None:
+    def _widen(self, points: Floats, spread: Floats, errors: Floats) -> None:
         """Carry errors over a period; where the table has no derivatives, with differences of the exact map."""
         unknown = np.empty(len(points), bool)
         widening(points.shape[1])(
@@ -331,7 +330,7 @@ class _Run:
         carry_rows(wider, slopes, tolerances + bends * reach)
         spread[rest] = wider
 
-    def _direct_labels(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
+    def _direct_labels(self, rows: Ints) -> NDArray[np.int16]:
         setting, bar = self.setting, f"integrating {self.name}" if self.progress else None
         initial_conditions = self.initial_conditions.points(rows)
         found = classify(

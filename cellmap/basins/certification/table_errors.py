@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..._compiled.kernels.cell_errors import bounding, curve, differences, probes
+from ..._lib.arrays import Floats
 from ..._lib.threads import run_over, slices
 from ...maps.coordinates import turns_of
 from ...maps.grid import CellGrid
@@ -28,12 +28,12 @@ class TableErrors:
     from the first edge, unwrapped; ``estimates`` (n,) of the spline's errors, also in cells that it does not serve.
     """
 
-    slopes: NDArray[np.float64]
-    bends: NDArray[np.float64]
-    errors: NDArray[np.float64]
-    tolerances: NDArray[np.float64]
-    images: NDArray[np.float64]
-    estimates: NDArray[np.float64]
+    slopes: Floats
+    bends: Floats
+    errors: Floats
+    tolerances: Floats
+    images: Floats
+    estimates: Floats
 
     @staticmethod
     def memory(grid: CellGrid) -> int:
@@ -83,13 +83,13 @@ class TableErrors:
         return cls(slopes, bends, errors, tolerances, images, estimates)
 
 
-def images_of(point_map: PointMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def images_of(point_map: PointMap, points: Floats) -> Floats:
     """Return the unwrapped images of points."""
     orbits = _after_a_period(point_map, points.copy())
     return np.asarray(orbits.points + orbits.rotations * turns_of(point_map.coordinates)[1])
 
 
-def _after_a_period(point_map: PointMap, points: NDArray[np.float64]) -> Orbits:
+def _after_a_period(point_map: PointMap, points: Floats) -> Orbits:
     """Move points on by a period, in place, with the full rotations of their angles."""
     orbits = Orbits.starting(points)
     orbits.wrap(*turns_of(point_map.coordinates))
@@ -98,9 +98,7 @@ def _after_a_period(point_map: PointMap, points: NDArray[np.float64]) -> Orbits:
 
 
 @np.errstate(over="ignore", invalid="ignore")  # images of maps that diverge
-def slopes_of(
-    point_map: PointMap, points: NDArray[np.float64], widths: NDArray[np.float64], steps: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def slopes_of(point_map: PointMap, points: Floats, widths: Floats, steps: Floats) -> tuple[Floats, Floats]:
     """Return derivatives (n, d, d) by differences to both sides, and by how much the two differ (n,), in cells."""
     n, d = points.shape
     slopes, bends = np.empty((n, d, d)), np.zeros(n)
@@ -113,7 +111,7 @@ def slopes_of(
     return slopes, np.sqrt(bends)
 
 
-def tolerance_in_cells(exact: PointMap, points: NDArray[np.float64], grid: CellGrid) -> NDArray[np.float64]:
+def tolerance_in_cells(exact: PointMap, points: Floats, grid: CellGrid) -> Floats:
     """Return the tolerance of an exact map at images, the largest component (n,) in widths of a table's cells."""
     relative, absolute = exact.tolerance
     return np.asarray(((absolute + relative * np.abs(points)) / grid.widths).max(axis=1))

@@ -9,6 +9,7 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._lib.arrays import Ints
 from ...maps.orbit_batch import NOTHING
 from ...orbits.attractor import Attractor, sort_key
 from ..doubts import UnsettledWarning
@@ -34,7 +35,7 @@ class Search:
         """Return the labels of the basins that this began with, in the numbers of all attractors."""
         return _renumbered(basins, self.basins.attractors)
 
-    def among(self, rows: NDArray[np.int64]) -> bool:
+    def among(self, rows: Ints) -> bool:
         """Label starts by the exact map, and search those that it leaves undecided; tell whether attractors came up.
 
         Nothing is done where all of the orbits have been searched before.

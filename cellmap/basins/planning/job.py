@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..._lib.arrays import Floats
 from ..._lib.randomness import random_numbers
 from ...maps.coordinates import difference
 from ...maps.grid import CellGrid, grid_points
@@ -61,7 +61,7 @@ def exact_maps(system: ForcedSystem | PointMap, phase: float) -> tuple[dict[Sour
     return found, reference
 
 
-def percentile_error(one: PointMap, other: PointMap, places: NDArray[np.float64]) -> float:
+def percentile_error(one: PointMap, other: PointMap, places: Floats) -> float:
     """Return the 99th percentile of the largest component by which images differ, where both maps have one."""
     shift = difference(follow(one, places, 1).points, follow(other, places, 1).points, one.coordinates)
     errors = np.abs(shift).max(axis=-1)
@@ -69,12 +69,12 @@ def percentile_error(one: PointMap, other: PointMap, places: NDArray[np.float64]
     return float(np.quantile(errors, 0.99)) if errors.size else float("inf")
 
 
-def places_in(window: CellGrid, seed: int) -> NDArray[np.float64]:
+def places_in(window: CellGrid, seed: int) -> Floats:
     """Return random places of a window."""
     return random_numbers(seed).uniform(window.lower, window.upper, (_PLACES, window.dimension))
 
 
-def some_initial_conditions(grid: CellGrid, count: int) -> NDArray[np.float64]:
+def some_initial_conditions(grid: CellGrid, count: int) -> Floats:
     """Return some initial conditions of a grid, in its order."""
     some = grid.size > count
     rows = np.sort(np.random.default_rng(0).choice(grid.size, count, replace=False)) if some else np.arange(grid.size)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..._lib.arrays import Floats
 from ..._lib.checks import claim_memory, finite_number, one_of, warn_caller, whole_number
 from ..._lib.files import as_target, locked
 from ..._lib.signatures import checked
@@ -240,7 +240,7 @@ class Interpolated(MapSpec[PointMap]):
         return cls(exact, grid, int(recipe["order"]), recipe["outside"], recipe["tolerance"], max_step)
 
 
-def allowed_errors(grid: CellGrid, order: int, tolerance: float | None) -> NDArray[np.float64]:
+def allowed_errors(grid: CellGrid, order: int, tolerance: float | None) -> Floats:
     """Return the largest error in a cell that is allowed, for each coordinate."""
     return grid.widths * ALLOWED[order] if tolerance is None else np.full(grid.dimension, tolerance)
 

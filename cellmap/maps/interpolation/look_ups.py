@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..._compiled.codegen.lookup import addresses_of, lookup_kernel
 from ..._compiled.codegen.spline_basis import WIDTH
 from ..._compiled.kernels.labelling import Step, Table
+from ..._lib.arrays import Bools, Floats, Ints
 from ..cell_table import CellTable
 from ..compiled_advance import UNKNOWN_STEP, CompiledAdvance
 from ..coordinates import turns_of
@@ -98,7 +98,7 @@ class LookUps(CompiledAdvance):
             now[part] = stopped
             left[part] = np.where(stopped.alive, left[part] - 1, 0)
 
-    def _moving(self, orbits: Orbits, left: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
+    def _moving(self, orbits: Orbits, left: Ints) -> Iterator[Ints]:
         """Look up until every orbit is through, yielding those that the table cannot carry on."""
         everyone = np.arange(len(orbits))
         part = everyone
@@ -114,7 +114,7 @@ class LookUps(CompiledAdvance):
             if len(part):
                 yield part
 
-    def _outside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _outside(self, points: Floats) -> Bools:
         outside = np.zeros(len(points), bool)
         _, _, origin, inverse, cells, circle, *_ = self._description
         place = (points - origin) * inverse
@@ -126,7 +126,7 @@ class LookUps(CompiledAdvance):
         return outside
 
 
-def _inverse_widths(grid: CellGrid) -> NDArray[np.float64]:
+def _inverse_widths(grid: CellGrid) -> Floats:
     """Return what turns distances into cells, rounded so that the upper edges of the window are inside of it."""
     inverse, span = 1.0 / grid.widths, np.subtract(grid.upper, grid.lower)
     while (beyond := span * inverse > grid.shape).any():

@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..._compiled.codegen.spline_basis import WIDTH, basis_polynomials
 from ..._compiled.kernels.banded import solve_banded
+from ..._lib.arrays import Floats
 from ..._lib.threads import run_over, slices, thread_count
 from ..grid import CellGrid
 
@@ -25,7 +25,7 @@ def number_of_nodes(grid: CellGrid, order: int) -> int:
     )
 
 
-def nodes_of(grid: CellGrid, order: int) -> list[NDArray[np.float64]]:
+def nodes_of(grid: CellGrid, order: int) -> list[Floats]:
     """Return the coordinates of the interpolation nodes along each axis."""
     axes = []
     for j, (n, wraps) in enumerate(zip(grid.shape, grid.wraps, strict=True)):
@@ -45,7 +45,7 @@ def line_memory(cells: int, lines: int, order: int, wraps: bool) -> int:
     return 8 * numbers * (cells + 2 * PADDING[order] + 1)
 
 
-def filtered(values: NDArray[np.float64], axis: int, order: int, wraps: bool) -> NDArray[np.float64]:
+def filtered(values: Floats, axis: int, order: int, wraps: bool) -> Floats:
     """Return B-spline coefficients along one axis, those that the cells need: one for each cell and `order` more."""
     shape = list(values.shape)
     past = PADDING[order]
@@ -64,7 +64,7 @@ def filtered(values: NDArray[np.float64], axis: int, order: int, wraps: bool) ->
     return result
 
 
-def _filtered_slab(values: NDArray[np.float64], axis: int, order: int, wraps: bool) -> NDArray[np.float64]:
+def _filtered_slab(values: Floats, axis: int, order: int, wraps: bool) -> Floats:
     if wraps:
         n = values.shape[axis]
         if order > 1 and n > 1:
@@ -79,7 +79,7 @@ def _filtered_slab(values: NDArray[np.float64], axis: int, order: int, wraps: bo
     return np.moveaxis(solved[past : len(solved) - past], 0, axis)
 
 
-def _interval_coefficients(values: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+def _interval_coefficients(values: Floats, order: int) -> Floats:
     """Solve for the coefficients along the first axis of values at consecutive nodes; `order` - 1 more than nodes.
 
     The surplus is fixed at the ends by differences of order `order` + 1 of the coefficients that vanish: the
@@ -101,12 +101,12 @@ def _interval_coefficients(values: NDArray[np.float64], order: int) -> NDArray[n
     return right
 
 
-def with_spare_doubles(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def with_spare_doubles(values: Floats) -> Floats:
     """Return coefficients with zeros behind them: look-ups read whole vectors, and so past the last coefficient."""
     return padded(values)[: values.size].reshape(values.shape)
 
 
-def padded(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def padded(values: Floats) -> Floats:
     """Return coefficients and the zeros behind them, flat; in their own memory where it holds these zeros."""
     flat, whole = values, values.size + WIDTH
     while isinstance(flat.base, np.ndarray):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._lib.arrays import Floats
 from ..._lib.threads import run_over, slices
 
 _AT_CENTRE = {1: -1.0 / 8.0, 3: 1.0 / 384.0, 5: -1.0 / 15360.0}  # (B(1/2) - B(0)) / k! of the Bernoulli polynomials
@@ -12,7 +13,7 @@ _SLAB = 32768  # coefficients that are looked at together: more leave the cache,
 
 
 def leading_errors(
-    coefficients: NDArray[np.float64], order: int, wraps: tuple[bool, ...]
+    coefficients: Floats, order: int, wraps: tuple[bool, ...]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return the leading errors of interpolation along all axes at the centre of each cell: sums, and absolute ones.
 
@@ -50,7 +51,7 @@ def leading_errors(
     return sums, absolute
 
 
-def _along(values: NDArray[np.float64], axis: int, order: int, wraps: bool) -> NDArray[np.float64]:
+def _along(values: Floats, axis: int, order: int, wraps: bool) -> Floats:
     """Return the leading error along one axis at the centres of cells, its sign included."""
     values = np.moveaxis(values, axis, 0)
     for other in range(1, values.ndim - 1):

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._lib.arrays import Bools, Floats
 from ..cell_table import CellTable
 from ..coordinates import turns_of
 from ..grid import CellGrid, grid_points
@@ -23,7 +24,7 @@ _FARTHEST = 100.0  # an image so many windows away counts as none
 
 def spline_coefficients_of(
     exact: PointMap, grid: CellGrid, order: int, progress: bool, tiles: TableTiles | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+) -> tuple[Floats, Bools]:
     """Return the B-spline coefficients of displacements at the nodes, and the cells next to nodes without image."""
     values = _displacements(exact, nodes_of(grid, order), progress, tiles)
     extent = np.array(grid.upper) - np.array(grid.lower)
@@ -36,23 +37,21 @@ def spline_coefficients_of(
     return with_spare_doubles(values), _cells_with_failed_corner(failed, grid, order)
 
 
-def _displacements(
-    exact: PointMap, axes: list[NDArray[np.float64]], progress: bool, tiles: TableTiles | None = None
-) -> NDArray[np.float64]:
+def _displacements(exact: PointMap, axes: list[Floats], progress: bool, tiles: TableTiles | None = None) -> Floats:
     """Return image minus node, angles unwrapped, for all nodes; shape (nodes_1, ..., nodes_d, d)."""
     shape = tuple(map(len, axes))
     moved = np.empty((int(np.prod(shape)), len(axes)))
 
     bar = f"interpolation grid of {exact.name}" if progress else None
 
-    def displacements(part: slice, images: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    def displacements(part: slice, images: Floats) -> list[Floats]:
         return [images - grid_points(axes, part)]
 
     (tiles or TableTiles()).fill(exact, axes, {"displacement": moved}, displacements, bar)
     return moved.reshape(*shape, len(axes))
 
 
-def _fill_from_neighbours(displacement: NDArray[np.float64], failed: NDArray[np.bool_]) -> None:
+def _fill_from_neighbours(displacement: Floats, failed: Bools) -> None:
     """Give nodes without image the value of the nearest node with one, lest they spoil the filter far around."""
     if failed.all():
         displacement[:] = 0.0
@@ -63,7 +62,7 @@ def _fill_from_neighbours(displacement: NDArray[np.float64], failed: NDArray[np.
     displacement[:] = displacement[tuple(nearest)]
 
 
-def _cells_with_failed_corner(failed: NDArray[np.bool_], grid: CellGrid, order: int) -> NDArray[np.bool_]:
+def _cells_with_failed_corner(failed: Bools, grid: CellGrid, order: int) -> Bools:
     corner = failed
     for j, (n, wraps) in enumerate(zip(grid.shape, grid.wraps, strict=True)):
         first = 0 if wraps else PADDING[order]
@@ -74,8 +73,8 @@ def _cells_with_failed_corner(failed: NDArray[np.bool_], grid: CellGrid, order: 
 
 
 def errors_in_cells(
-    exact: PointMap, table: CellTable, allowed: NDArray[np.float64], progress: bool, tiles: TableTiles | None = None
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    exact: PointMap, table: CellTable, allowed: Floats, progress: bool, tiles: TableTiles | None = None
+) -> tuple[NDArray[np.float32], Bools]:
     """Bound the error in every cell: the errors along the axes, and what they leave unexplained at the centre."""
     grid = table.grid
     indicator = np.empty(grid.size, np.float32)
@@ -87,7 +86,7 @@ def errors_in_cells(
     sums, absolute = (errors.reshape(grid.size, -1) for errors in leading)
 
     @np.errstate(invalid="ignore", over="ignore")
-    def errors(part: slice, images: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def errors(part: slice, images: Floats) -> tuple[Floats, Bools]:
         orbits = Orbits.starting(grid_points(axes, part))
         interpolated(orbits, 1)
         error = np.abs(images - (orbits.points + orbits.rotations * turn) - sums[part])
@@ -102,9 +101,7 @@ def errors_in_cells(
 
 
 @np.errstate(invalid="ignore")
-def leading_errors_in_cells(
-    table: CellTable, allowed: NDArray[np.float64]
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def leading_errors_in_cells(table: CellTable, allowed: Floats) -> tuple[NDArray[np.float32], Bools]:
     """Return the errors along the axes in every cell, which are a part of those of :func:`errors_in_cells`."""
     sums, absolute = leading_errors(table.coefficients, table.order, table.grid.wraps)
     error = 0.5 * (absolute + np.abs(sums))
@@ -114,7 +111,7 @@ def leading_errors_in_cells(
 
 
 def doubled_table(
-    exact: PointMap, tables: Sequence[CellTable], outside: str, allowed: NDArray[np.float64], progress: bool
+    exact: PointMap, tables: Sequence[CellTable], outside: str, allowed: Floats, progress: bool
 ) -> CellTable:
     """Interpolate twice as many periods as the last table does, by iteration of the table of one period."""
     grid, order = tables[0].grid, tables[0].order

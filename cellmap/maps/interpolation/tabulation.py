@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from ..._lib.arrays import Floats
 from ..._lib.checks import claim_disk
 from ..._lib.threads import slices
 from ..._lib.tiles import completed
@@ -22,7 +23,7 @@ from ..point_map import PointMap
 if TYPE_CHECKING:
     from ..._lib.checkpoint import Checkpoint
 
-Axes = Sequence[NDArray[np.float64]]
+Axes = Sequence[Floats]
 
 _IN_A_TILE = 2048  # images where a tile has neither to travel nor to be sealed: small tables keep all threads busy
 
@@ -34,7 +35,7 @@ class Images:
     exact: PointMap
     axes: Axes
 
-    def __call__(self, part: slice) -> tuple[NDArray[np.float64], int]:
+    def __call__(self, part: slice) -> tuple[Floats, int]:
         """Return the images of some points, by their flat numbers."""
         orbits = Orbits.starting(grid_points(self.axes, part))
         self.exact.advance(orbits, 1)
@@ -54,7 +55,7 @@ class TableTiles:
         exact: PointMap,
         axes: Axes,
         results: Mapping[str, NDArray[Any]],
-        values: Callable[[slice, NDArray[np.float64]], Iterable[NDArray[Any]]],
+        values: Callable[[slice, Floats], Iterable[NDArray[Any]]],
         progress: str | None,
     ) -> None:
         """Fill arrays that have a number or row for each point of a product of axes, tile by tile.
@@ -70,7 +71,7 @@ class TableTiles:
         def contents(number: int) -> list[NDArray[Any]]:
             return [array[parts[number]] for array in arrays.values()]
 
-        def put(number: int, images: NDArray[np.float64]) -> None:
+        def put(number: int, images: Floats) -> None:
             for mine, value in zip(contents(number), values(parts[number], images), strict=True):
                 mine[...] = value
 
