@@ -24,6 +24,7 @@ def fingerprint(point_map: PointMap, probes: Floats) -> dict[str, Any]:
 
     Examples
     --------
+    >>> import numpy as np
     >>> from cellmap import discrete_map
     >>> def halving(factor):
     ...     return discrete_map(lambda x, p: (factor * x[0],), {}, ("x",), name="halving")
