@@ -9,19 +9,19 @@ from typing import Literal
 import numpy as np
 
 from .._lib.arrays import Complexes, Floats
-from .._lib.checks import shown, whole_number
+from .._lib.checks import whole_number
 from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, wrap
 from ..maps.point_map import PointMap
 from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, both_ways, corrected, trace
 from ..orbits.orbit_equations import OrbitProblem, orbit_problem
-from ..orbits.orbit_kinds import PeriodicOrbit
+from ..orbits.orbit_kinds import PeriodicOrbit, with_values
 from ..orbits.shooting import ShootingProblem
 from .branch import Bifurcation, Branch
 from .codimension_two import CodimensionTwo, cosine_of_pair, points_on
 from .function_zeros import BranchPiece, FunctionOrbits, FunctionZero, zeros_on
-from .intervals import interval_of, limits_of, spans
+from .intervals import further_parameter, interval_of, limits_of, spans
 from .kinds import BifurcationKind, CodimensionTwoKind
 from .orbit_births import OrbitBirth
 from .period_measures import OrbitFunction, Quantity, measured, turn_of, unwrapped
@@ -31,6 +31,8 @@ _BROKEN = "symmetry broken"
 
 CurveProblem = SingularOrbits | FunctionOrbits
 """Equations of a curve in two parameters."""
+
+_Located = tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +66,7 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
     _problem: CurveProblem = field(repr=False)
     _places: tuple[SolutionPoint, ...] = field(repr=False)
     zeros: tuple[FunctionZero, ...] = ()
+    _kept: list[_Located] = field(default_factory=list, repr=False)
 
     @property
     def point_map(self) -> PointMap:
@@ -91,8 +94,7 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
         """Return the orbit at a point of the curve, by its number, with all parameters in its `params`."""
         place = whole_number("place", place, at_most=len(self._places) - 1)
         found = self._problem.orbits.orbit_at(self._places[place].unknowns)
-        values = zip(self.parameters, self.values[place].tolist(), strict=True)
-        return replace(found, params={**found.params, **dict(values)})
+        return with_values(found, self.parameters, self.values[place])
 
     @checked
     def with_zeros(self, functions: Mapping[str, Quantity | OrbitFunction]) -> BifurcationCurve:
@@ -100,9 +102,7 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
         problem, unknowns = self._problem, np.array([p.unknowns for p in self._places])
         pieces = [BranchPiece(problem, problem.orbits, unknowns)]
         found = zeros_on(pieces, self.parameters, functions, self.ends == ("closed", "closed"))
-        same = replace(self, zeros=found)
-        same.__dict__.update({name: kept for name, kept in self.__dict__.items() if name == "_kept"})
-        return same
+        return replace(self, zeros=found)
 
     @checked
     def codimension_two(self, progress: bool = False) -> tuple[CodimensionTwo, ...]:
@@ -128,14 +128,12 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
         """
         return self._located(progress)[1]
 
-    def _located(self, progress: bool) -> tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]:
-        kept = self.__dict__
-        if "_kept" not in kept:
-            if not isinstance(self._problem, SingularOrbits):
-                return (), frozenset()
-            kept.setdefault("_kept", points_on(self._problem, self.parameters, self._places, progress))
-        found: tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]] = kept["_kept"]
-        return found
+    def _located(self, progress: bool) -> _Located:
+        if not isinstance(self._problem, SingularOrbits):
+            return (), frozenset()
+        if not self._kept:
+            self._kept.append(points_on(self._problem, self.parameters, self._places, progress))
+        return self._kept[0]
 
     def __repr__(self) -> str:
         return f"BifurcationCurve({self.kind}, {len(self.values)} points, {spans(self.parameters, self.values)})"
@@ -221,10 +219,7 @@ def continue_bifurcation(
             f"bifurcation={bifurcation!r}: it is not of branch={branch!r}; give one of its bifurcations or zeros"
         )
     exact = branch.point_map.with_params(**{branch.parameter: bifurcation.value})
-    names = (branch.parameter, parameter)
-    if not isinstance(parameter, str) or parameter not in exact.params or parameter == branch.parameter:
-        others = sorted(set(exact.params) - {branch.parameter})
-        raise ValueError(f"parameter={shown(parameter)}: give another parameter of this map, one of {others}")
+    names = (branch.parameter, further_parameter(parameter, exact.params, (branch.parameter,)))
     box = (interval_of("first", first, bifurcation.value), interval_of("second", second, exact.params[parameter]))
     spans = (box[0][1] - box[0][0], box[1][1] - box[1][0])
     old = bifurcation._problem

@@ -15,7 +15,7 @@ from .._lib.signatures import checked
 from ..maps.point_map import PointMap
 from ..orbits.multipliers import unstable_count
 from ..orbits.orbit_equations import OrbitProblem
-from ..orbits.orbit_kinds import PeriodicOrbit
+from ..orbits.orbit_kinds import PeriodicOrbit, with_values
 from .function_zeros import BranchPiece, FunctionZero, zeros_on
 from .kinds import BifurcationKind
 from .normal_forms import NormalForm, form_at
@@ -187,7 +187,7 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         place = whole_number("place", place, at_most=len(self.values) - 1)
         part = next(p for p in self._parts if place < p.first + len(p.unknowns))
         found = part.problem.orbit_at(part.unknowns[place - part.first] / part.problem.scale)
-        return replace(found, params={**found.params, self.parameter: float(self.values[place])})
+        return with_values(found, (self.parameter,), self.values[[place]])
 
     @checked
     def with_zeros(self, functions: Mapping[str, Quantity | OrbitFunction]) -> Branch:

@@ -22,6 +22,7 @@ from ..orbits.orbit_kinds import PeriodicOrbit
 from .born_curves import NewCurve, born_curves
 from .codimension_two_forms import CodimensionTwoForm, form_of_two
 from .homological import Centre, cycle_matrix
+from .intervals import place_of
 from .kinds import BifurcationKind, CodimensionTwoKind
 from .located_forms import Tensors, forms_along
 from .normal_forms import Reduction, coefficient
@@ -121,8 +122,7 @@ class CodimensionTwo:
         return *(NewCurve(kind) for kind in others), *born_curves(self.kind, self.normal_form)
 
     def __repr__(self) -> str:
-        where = ", ".join(f"{n}={v:.10g}" for n, v in zip(self.parameters, self.values.tolist(), strict=True))
-        return f"CodimensionTwo({self.kind} at {where})"
+        return f"CodimensionTwo({self.kind} at {place_of(self.parameters, self.values)})"
 
 
 def points_on(

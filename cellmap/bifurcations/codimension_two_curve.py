@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from .._lib.arrays import Complexes, Floats
-from .._lib.checks import shown, whole_number
+from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import wrap
 from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, both_ways, corrected, trace
-from ..orbits.orbit_kinds import PeriodicOrbit
+from ..orbits.orbit_kinds import PeriodicOrbit, with_values
 from .bifurcation_curve import BifurcationCurve
 from .codimension_two import CodimensionTwo, CodimensionTwoOrbits
 from .curve_switching import check_on
-from .intervals import interval_of, limits_of, spans
+from .intervals import further_parameter, interval_of, limits_of, spans
 from .kinds import CodimensionTwoKind
 from .singular_orbits import SingularOrbits
 
@@ -55,8 +55,7 @@ class CodimensionTwoCurve:
         """Return the orbit at a point of the curve, by its number, with all parameters in its `params`."""
         place = whole_number("place", place, at_most=len(self._places) - 1)
         found = self._problem.bifurcation.orbits.orbit_at(self._places[place].unknowns)
-        values = zip(self.parameters, self.values[place].tolist(), strict=True)
-        return replace(found, params={**found.params, **dict(values)})
+        return with_values(found, self.parameters, self.values[place])
 
     def __repr__(self) -> str:
         return f"CodimensionTwoCurve({self.kind}, {len(self.values)} points, {spans(self.parameters, self.values)})"
@@ -135,13 +134,11 @@ def continue_codimension_two(
     """
     check_on(curve, point)
     exact = curve.point_map.with_params(**dict(zip(curve.parameters, point.values.tolist(), strict=True)))
-    if not isinstance(parameter, str) or parameter not in exact.params or parameter in curve.parameters:
-        others = sorted(set(exact.params) - set(curve.parameters))
-        raise ValueError(f"parameter={shown(parameter)}: give another parameter of this map, one of {others}")
+    names = (*curve.parameters, further_parameter(parameter, exact.params, curve.parameters))
     present = np.append(point.values, exact.params[parameter])
     given = (("first", first), ("second", second), ("third", third))
     box = np.array([interval_of(*one, value) for one, value in zip(given, present.tolist(), strict=True)])
-    old, names = point._problem.orbits, (*curve.parameters, parameter)
+    old = point._problem.orbits
     orbits = old.with_parameters(exact, names, tuple(np.ptp(box, axis=1).tolist()))
     unknowns = np.append((point._unknowns * old.scale)[: old.states], present) / orbits.scale
     bifurcation = SingularOrbits(orbits, point._problem.kind, unknowns)

@@ -16,6 +16,7 @@ from ..orbits.arclength import ContinuationStep, SolutionPoint, corrected
 from ..orbits.multipliers import unstable_count
 from ..orbits.orbit_equations import OrbitProblem
 from ..orbits.orbit_kinds import PeriodicOrbit
+from .intervals import place_of
 from .period_measures import OrbitFunction, Quantity, as_functions, measured, shorter, turn_of, unwrapped
 
 _SHIFT = 3e-4  # distance, scaled, of the orbits by whose differences slopes are computed
@@ -74,8 +75,7 @@ class FunctionZero:
         return self._problem.orbit_at(self._unknowns)
 
     def __repr__(self) -> str:
-        where = ", ".join(f"{n}={v:.10g}" for n, v in zip(self.parameters, self.values.tolist(), strict=True))
-        return f"FunctionZero({self.name} at {where})"
+        return f"FunctionZero({self.name} at {place_of(self.parameters, self.values)})"
 
 
 def values_of(orbits: OrbitProblem, names: tuple[str, ...], function: OrbitFunction, unknowns: Floats) -> Floats:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
+
 from .._lib.arrays import Floats
-from .._lib.checks import finite_number, pair_of, whole_number
+from .._lib.checks import finite_number, pair_of, shown, whole_number
 
 
 def limits_of(step: float, max_points: int) -> tuple[float, int]:
@@ -30,6 +32,19 @@ def interval_between(
     if value is not None and not low <= value <= high:
         raise ValueError(f"lower={lower!r}, upper={upper!r}: the interval must contain {what}{value:g}")
     return low, high
+
+
+def further_parameter(name: str, params: Collection[str], used: Sequence[str]) -> str:
+    """Return the name of a parameter that is free besides those used already, checked."""
+    if not isinstance(name, str) or name not in params or name in used:
+        others = sorted(set(params) - set(used))
+        raise ValueError(f"parameter={shown(name)}: give another parameter of this map, one of {others}")
+    return name
+
+
+def place_of(parameters: tuple[str, ...], values: Floats) -> str:
+    """Return the values (m,) of the parameters, in words."""
+    return ", ".join(f"{name}={value:.10g}" for name, value in zip(parameters, values.tolist(), strict=True))
 
 
 def spans(parameters: tuple[str, ...], values: Floats) -> str:

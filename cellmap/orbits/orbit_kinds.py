@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import inf
 
@@ -121,6 +121,11 @@ class PeriodicOrbit:
     def jury(self) -> Floats:
         """Jury's margins of `matrix`, shape (dimension + 1,): the orbit is stable if all are above zero."""
         return jury_margins(self.matrix)
+
+
+def with_values(orbit: PeriodicOrbit, names: Sequence[str], values: Floats) -> PeriodicOrbit:
+    """Return an orbit whose parameters have exactly some values (m,)."""
+    return replace(orbit, params={**orbit.params, **dict(zip(names, values.tolist(), strict=True))})
 
 
 def jury_margins(matrix: Floats) -> Floats:
