@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+import importlib
+import re
 from collections.abc import Callable, Mapping, Sequence
-from types import NoneType, UnionType
+from types import FunctionType, NoneType, UnionType
 from typing import Any, NamedTuple, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -14,67 +16,34 @@ from .checks import is_sequence, real_number, shown
 _LIBRARY = __name__.split(".")[0]
 F = TypeVar("F", bound=Callable[..., Any])
 
-MADE_BY = {
-    "Attractor": "find_attractors",
-    "Axes": "matplotlib.pyplot.subplots",
-    "ArnoldTongue": "arnold_tongue",
-    "AttractorAtlas": "attractor_atlas",
-    "Ball": "largest_ball",
-    "BasinContinuation": "continue_basins",
-    "BasinEntropy": "basin_entropy",
-    "BasinStability": "basin_stability",
-    "Basins": "find_basins",
-    "Bifurcation": "continue_orbit, among the bifurcations of a Branch",
-    "BifurcationCurve": "continue_bifurcation or switch_curve",
-    "BifurcationDiagram": "bifurcation_diagram",
-    "BoundaryDistance": "boundary_distance",
-    "BoxSet": "BoxSet.full or relative_attractor",
-    "Branch": "continue_orbit",
-    "CellChain": "generalized_cell_mapping",
-    "CellMapping": "simple_cell_mapping",
-    "Certificate": "certify",
-    "ChaosTest": "exponent_test, zero_one_test or alignment_test",
-    "ChaoticSaddle": "chaotic_saddle",
-    "CircleBranch": "continue_circle",
-    "CodimensionTwo": "continue_bifurcation, among the points codimension_two() of a BifurcationCurve",
-    "ConnectingOrbit": "connecting_orbits",
-    "ConnectionBranch": "continue_connection",
-    "CovariantVectors": "covariant_vectors",
-    "EdgeOrbit": "edge_orbit",
-    "ExponentField": "finite_time_exponents",
-    "FatalShock": "minimal_fatal_shock",
-    "FeatureBasins": "classify_by_features",
-    "FractalTest": "fractal_boundary_test",
-    "GeneralizedDimensions": "generalized_dimensions",
-    "KaplanYorke": "kaplan_yorke_dimension",
-    "FunctionZero": "continue_orbit, among the zeros of Branch.with_zeros",
-    "LyapunovSpectrum": "lyapunov_spectrum",
-    "Manifold": "saddle_manifold",
-    "MergingTest": "wada_merging",
-    "MorseGraph": "morse_graph",
-    "OrbitFunction": "OrbitFunction",
-    "PeriodicOrbit": "periodic_orbit",
-    "Plan": "plan",
-    "PointMap": "stroboscopic_map or discrete_map",
-    "Refinement": "refine_basins",
-    "SettlingStatistics": "settling_statistics",
-    "StabilityMap": "stability_map",
-    "Tangency": "continue_connection, among the tangencies of a ConnectionBranch",
-    "TippingProbabilities": "tipping_probabilities",
-    "Trajectory": "trajectory",
-    "TransferOperator": "transfer_operator",
-    "UncertaintyExponent": "uncertainty_exponent",
-    "WadaGrid": "wada_grid",
-}
-"""Where records come from, for the remedy of an error."""
-
 
 class _Kind(NamedTuple):
-    """What an argument may be: a test of its value, words for it, and where it comes from."""
+    """What an argument may be: a test of its value, words for it, and the classes of which it may be."""
 
     holds: Callable[[Any], bool]
     words: str
-    maker: str = ""
+    classes: tuple[type, ...] = ()
+
+
+def makers(kind: type) -> str:
+    """Return what makes a record, for the remedy of an error: the public functions of its room that return it.
+
+    A record that comes from elsewhere, or from too many functions, says so in its attribute `_made_by`.
+    """
+    if kind.__module__.startswith("matplotlib."):
+        return "matplotlib.pyplot.subplots"
+    if "_made_by" in vars(kind):
+        return str(vars(kind)["_made_by"])
+    room = kind.__module__
+    while (place := importlib.import_module(room)) and not hasattr(place, "__all__") and "." in room:
+        room = room.rpartition(".")[0]
+    offered = {name: getattr(place, name) for name in getattr(place, "__all__", ())}
+    names = [name for name, member in offered.items() if isinstance(member, FunctionType) and _returns(member, kind)]
+    return " or ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part)
+
+
+def _returns(function: Callable[..., Any], kind: type) -> bool:
+    return re.search(rf"\b{kind.__name__}\b", str(function.__annotations__.get("return"))) is not None
 
 
 def checked(function: F) -> F:
@@ -108,7 +77,9 @@ def checked(function: F) -> F:
         for name, value in (*zip(names, args, strict=False), *named.items()):
             kind = kinds.get(name)
             if kind is not None and not kind.holds(value):
-                raise TypeError(f"{name}={shown(value)}: give {kind.words}{kind.maker}")
+                made = {makers(one) for one in kind.classes} - {""}
+                origin = f", made by {made.pop()}" if len(made) == 1 else ""
+                raise TypeError(f"{name}={shown(value)}: give {kind.words}{origin}")
         return function(*args, **named)
 
     return cast(F, call)
@@ -137,8 +108,7 @@ def _kind(hint: Any) -> _Kind | None:
         return None
     name = origin.__name__
     article = "" if name.endswith("s") else "an " if name[0] in "AEIO" else "a "
-    maker = f", made by {MADE_BY[name]}" if name in MADE_BY else ""
-    return _Kind(lambda value: isinstance(value, origin), article + name, maker)
+    return _Kind(lambda value: isinstance(value, origin), article + name, (origin,))
 
 
 def _any_of(kinds: list[_Kind | None]) -> _Kind | None:
@@ -146,16 +116,15 @@ def _any_of(kinds: list[_Kind | None]) -> _Kind | None:
     if len(known) < len(kinds):
         return None
     words = list(dict.fromkeys(kind.words for kind in known))
-    makers = {kind.maker for kind in known if kind.maker}
-    maker = makers.pop() if len(makers) == 1 and len(words) <= 2 else ""
-    return _Kind(lambda value: any(kind.holds(value) for kind in known), " or ".join(words), maker)
+    classes = tuple(one for kind in known for one in kind.classes) if len(words) <= 2 else ()
+    return _Kind(lambda value: any(kind.holds(value) for kind in known), " or ".join(words), classes)
 
 
 def _sequence_of(each: _Kind) -> _Kind:
     def holds(value: Any) -> bool:
         return is_sequence(value) and all(map(each.holds, value))
 
-    return _Kind(holds, f"a sequence, each of it {each.words}", each.maker)
+    return _Kind(holds, f"a sequence, each of it {each.words}", each.classes)
 
 
 def _pair_of(holds: Callable[[Any], bool], words: str) -> _Kind:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -42,6 +43,7 @@ class Bifurcation:
         The bifurcation lies between the points `place` and ``place + 1`` of the branch.
     """
 
+    _made_by: ClassVar = "continue_orbit, among the bifurcations of a Branch"
     kind: BifurcationKind
     value: float
     point: Floats

@@ -6,7 +6,7 @@ import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -92,6 +92,7 @@ class CodimensionTwo:
         The point lies between the points `place` and ``place + 1`` of the curve.
     """
 
+    _made_by: ClassVar = "continue_bifurcation, among the points codimension_two() of a BifurcationCurve"
     kind: CodimensionTwoKind
     parameters: tuple[str, str]
     values: Floats

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -36,6 +37,7 @@ class Tangency:
         grows; otherwise they exist below it, and it is their last one.
     """
 
+    _made_by: ClassVar = "continue_connection, among the tangencies of a ConnectionBranch"
     value: float
     orbit: ConnectingOrbit
     gains: bool

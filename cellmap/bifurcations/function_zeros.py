@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -49,6 +49,7 @@ class FunctionZero:
         The point lies between the points `place` and ``place + 1`` of the branch or curve.
     """
 
+    _made_by: ClassVar = "continue_orbit, among the zeros of Branch.with_zeros"
     name: str
     function: OrbitFunction
     parameters: tuple[str, ...]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -114,6 +114,7 @@ class PointMap(ShownAsHtml):
         from files; a map that was constructed or changed by hand has none.
     """
 
+    _made_by: ClassVar = "stroboscopic_map or discrete_map"
     name: str
     coordinates: tuple[Coordinate, ...]
     params: Mapping[str, float]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -92,6 +92,7 @@ class ForcedSystem:
     0.3
     """
 
+    _made_by: ClassVar = ""
     rhs: RightHandSide
     params: Mapping[str, float] = field(repr=False)
     period: float | Callable[[Any], float]

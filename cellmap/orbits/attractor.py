@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf, isclose, pi
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -121,6 +121,7 @@ class Attractor(ShownAsHtml):
         :func:`cellmap.maps.grazing_distance`.
     """
 
+    _made_by: ClassVar = "find_attractors"
     kind: Kind
     period: int
     points: Floats

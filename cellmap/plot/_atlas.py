@@ -12,13 +12,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from .._lib.checks import shown, whole_number
-from .._lib.signatures import checked
 from ..bifurcations.atlas_record import AttractorAtlas
 from ..bifurcations.bifurcation_curve import BifurcationCurve
 from ..bifurcations.connecting_branches import TangencyCurve
 from ..bifurcations.kinds import BifurcationKind
 from ._axes import axes_or_new
 from ._colours import colour_of
+from ._draw import figure
 
 CURVE_STYLES: dict[str, Any] = {
     BifurcationKind.FOLD: "-",
@@ -29,7 +29,7 @@ CURVE_STYLES: dict[str, Any] = {
 """Line style of each kind of bifurcation."""
 
 
-@checked
+@figure
 def attractor_atlas(
     atlas: AttractorAtlas,
     *,

@@ -9,16 +9,16 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from .._lib.arrays import Floats
-from .._lib.signatures import checked
 from ..basins.by_features import FeatureBasins
 from ..basins.record import Basins
 from ..maps.grid import CellGrid
 from ..orbits.attractor import Kind
 from ._axes import axes_or_new, label_axis, legend_below, pair_of, plane_of, show_cells
 from ._colours import label_colours
+from ._draw import figure
 
 
-@checked
+@figure
 def basins(
     basins: Basins | FeatureBasins,
     *,

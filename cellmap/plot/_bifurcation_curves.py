@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from .._lib.signatures import checked
 from ..bifurcations.bifurcation_curve import BifurcationCurve
 from ..bifurcations.kinds import BifurcationKind, CodimensionTwoKind
 from ._axes import axes_or_new, mark_zeros
 from ._colours import COLOURS
+from ._draw import figure
 
 KIND_COLOURS = dict(zip(BifurcationKind, COLOURS, strict=False))
 """Colour of each kind of bifurcation."""
@@ -33,7 +33,7 @@ SHORT_NAMES = {
 """How points of codimension two are named beside their markers."""
 
 
-@checked
+@figure
 def bifurcation_curves(
     curves: BifurcationCurve | Sequence[BifurcationCurve],
     *,

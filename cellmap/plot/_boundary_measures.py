@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from .._lib.arrays import Floats
-from .._lib.signatures import checked
 from ..analysis.fractal.entropy import BasinEntropy
 from ..analysis.fractal.randomness_test import FractalTest
 from ..analysis.fractal.uncertainty_fits import UncertaintyExponent
@@ -16,10 +15,11 @@ from ..analysis.fractal.wada import MergingTest
 from ..analysis.fractal.wada_search import WadaGrid
 from ._axes import axes_or_new
 from ._colours import COLOURS
+from ._draw import figure
 from ._fits import fit as draw_fit
 
 
-@checked
+@figure
 def uncertainty_exponent(result: UncertaintyExponent, *, ax: Axes | None = None) -> Axes:
     """Draw the fraction of uncertain pairs against their distance, with the fit and the smallest usable distance.
 
@@ -59,7 +59,7 @@ def uncertainty_exponent(result: UncertaintyExponent, *, ax: Axes | None = None)
     return ax
 
 
-@checked
+@figure
 def basin_entropy(result: BasinEntropy | FractalTest, *, ax: Axes | None = None) -> Axes:
     """Draw a histogram of the entropies of boxes or discs on a boundary, with the mean and its reference value.
 
@@ -109,7 +109,7 @@ def basin_entropy(result: BasinEntropy | FractalTest, *, ax: Axes | None = None)
     return ax
 
 
-@checked
+@figure
 def wada(result: WadaGrid | MergingTest, *, ax: Axes | None = None) -> Axes:
     """Draw the fraction of a boundary by the number of basins around it; for the grid method, at each step.
 

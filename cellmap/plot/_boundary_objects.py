@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from .._lib.signatures import checked
 from ..analysis.boundary.distance import BoundaryDistance
 from ..analysis.boundary.edge import EdgeOrbit
 from ..analysis.boundary.manifolds import Manifold
@@ -19,11 +18,12 @@ from ..maps.coordinates import Coordinate
 from ..orbits.orbit_kinds import PeriodicOrbit
 from ._axes import axes_or_new, cut_at_branch_cuts, label_axis, pair_of
 from ._basins import basins as draw_basins
+from ._draw import figure
 
 _MANIFOLD_COLOURS = {"stable": "#000000", "unstable": "#D55E00"}
 
 
-@checked
+@figure
 def edge_orbit(
     edge: EdgeOrbit, *, basins: Basins | None = None, coordinates: tuple[int | str, int | str] = (0, 1),
     ax: Axes | None = None
@@ -79,7 +79,7 @@ def edge_orbit(
     return ax
 
 
-@checked
+@figure
 def manifolds(
     manifolds: Manifold | Sequence[Manifold],
     *,
@@ -136,7 +136,7 @@ def manifolds(
     return ax
 
 
-@checked
+@figure
 def boundary_distance(distance: BoundaryDistance, *, ax: Axes | None = None) -> Axes:
     """Draw the fraction of a boundary that is within a distance of curves, against the distance.
 
@@ -171,7 +171,7 @@ def boundary_distance(distance: BoundaryDistance, *, ax: Axes | None = None) -> 
     return ax
 
 
-@checked
+@figure
 def chaotic_saddle(
     saddle: ChaoticSaddle, *, coordinates: tuple[int | str, int | str] = (0, 1), basins: Basins | None = None,
     ax: Axes | None = None, size: float = 1.0

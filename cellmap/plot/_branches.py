@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from .._lib.arrays import Bools, Floats
-from .._lib.signatures import checked
 from ..bifurcations.branch import Bifurcation, Branch
 from ..bifurcations.function_zeros import FunctionZero
 from ..bifurcations.kinds import BifurcationKind
@@ -20,6 +19,7 @@ from ..maps.coordinates import Coordinate, difference
 from ..maps.parameters_as_states import swept_map
 from ._axes import axes_or_new, column_of, cut_at_branch_cuts, label_axis, mark_zeros, measured_axis
 from ._colours import colour_of, one_colour
+from ._draw import figure
 
 MARKERS = {
     BifurcationKind.FOLD: "s",
@@ -34,7 +34,7 @@ _STABLE, _UNSTABLE = "-", "--"
 _REACH = 0.06  # within which a branch begins beside the bifurcation that it leaves, scaled
 
 
-@checked
+@figure
 def branches(
     branches: Branch | Sequence[Branch],
     *,

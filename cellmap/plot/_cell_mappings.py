@@ -17,11 +17,12 @@ from ..sets.cell_chain import CellChain
 from ..sets.simple_cells import CellMapping
 from ._axes import axes_or_new, label_axis, show_cells
 from ._colours import CODE_COLOURS, colour_of
+from ._draw import figure
 
 _PALEST = 0.75  # fraction of white in the colour of the cells that are the last to reach their group
 
 
-@checked
+@figure
 def cell_mapping(mapping: CellMapping, *, ax: Axes | None = None, show_steps: bool = False) -> Axes:
     """Draw the groups of a simple cell mapping.
 
@@ -69,7 +70,7 @@ def cell_mapping(mapping: CellMapping, *, ax: Axes | None = None, show_steps: bo
     return _image(ax, mapping.grid, coordinates, image, title)
 
 
-@checked
+@figure
 def absorption(chain: CellChain, *, ax: Axes | None = None, group: int | None = None) -> Axes:
     """Draw the absorption probability of cells in a class, or the number of classes that can be reached.
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from .._lib.signatures import checked
 from ..basins.certification.certificate import Certificate, Evidence
 from ._axes import axes_or_new, legend_below, plane_of, show_cells
+from ._draw import figure
 
 _COLOURS = {
     Evidence.CELL: (0.90, 0.93, 0.97),
@@ -23,7 +23,7 @@ _NAMES = {
 }
 
 
-@checked
+@figure
 def certificate(certificate: Certificate, *, ax: Axes | None = None) -> Axes:
     """Draw the evidence for each label of a basin image.
 

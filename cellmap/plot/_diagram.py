@@ -8,17 +8,17 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from .._lib.arrays import Floats
-from .._lib.signatures import checked
 from ..bifurcations.diagram import BifurcationDiagram
 from ..bifurcations.period_measures import Quantity
 from ._axes import column_of, label_axis, measured_axis
 from ._colours import colour_of
+from ._draw import figure
 
 _SMALLEST, _LARGEST = 0.6, 3.0  # sizes of points by default
 _ROWS = 400  # heights that a figure shows apart
 
 
-@checked
+@figure
 def bifurcation_diagram(
     diagram: BifurcationDiagram,
     *,

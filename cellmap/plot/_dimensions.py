@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from .._lib.signatures import checked
 from ..analysis.fractal.generalized import GeneralizedDimensions
 from ..analysis.fractal.kaplan_yorke import KaplanYorke
 from ._axes import axes_or_new
 from ._colours import COLOURS
+from ._draw import figure
 
 
-@checked
+@figure
 def generalized_dimensions(result: GeneralizedDimensions, *, ax: Axes | None = None) -> Axes:
     """Draw D_q against q.  :func:`fit` draws the fit of one order, ``result[q]``.
 
@@ -36,7 +36,7 @@ def generalized_dimensions(result: GeneralizedDimensions, *, ax: Axes | None = N
     return ax
 
 
-@checked
+@figure
 def kaplan_yorke(result: KaplanYorke, *, ax: Axes | None = None) -> Axes:
     """Draw sums of the largest Lyapunov exponents against their number; the zero of the line is the dimension.
 

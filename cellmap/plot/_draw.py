@@ -3,61 +3,36 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any
+import inspect
+from collections.abc import Callable
+from typing import Any, TypeVar, get_args, get_type_hints
 
 from matplotlib.axes import Axes
 
 from .._lib.checks import shown
+from .._lib.fit import Fit
+from .._lib.signatures import checked
 
-FIGURES = {
-    "ArnoldTongue": "arnold_tongues",
-    "AttractorAtlas": "attractor_atlas",
-    "Basins": "basins",
-    "BasinContinuation": "basin_continuation",
-    "BasinEntropy": "basin_entropy",
-    "BasinStability": "basin_stability",
-    "BifurcationCurve": "bifurcation_curves",
-    "BifurcationDiagram": "bifurcation_diagram",
-    "BoundaryDistance": "boundary_distance",
-    "BoxCount": "fit",
-    "BoxSet": "boxes",
-    "Branch": "branches",
-    "CellChain": "absorption",
-    "CellMapping": "cell_mapping",
-    "Certificate": "certificate",
-    "ChaosTest": "chaos_test",
-    "ChaoticSaddle": "chaotic_saddle",
-    "CircleBranch": "invariant_circles",
-    "ConnectionBranch": "connections",
-    "CorrelationSum": "fit",
-    "CovariantVectors": "covariant_vectors",
-    "EdgeOrbit": "edge_orbit",
-    "EscapeRate": "fit",
-    "ExponentField": "exponent_field",
-    "FeatureBasins": "basins",
-    "Fit": "fit",
-    "FractalTest": "basin_entropy",
-    "GeneralizedDimensions": "generalized_dimensions",
-    "KaplanYorke": "kaplan_yorke",
-    "LyapunovSpectrum": "lyapunov_spectrum",
-    "Manifold": "manifolds",
-    "MergingTest": "wada",
-    "MorseGraph": "morse_graph",
-    "Plan": "plan",
-    "SettlingStatistics": "settling_times",
-    "StabilityMap": "stability_map",
-    "TippingProbabilities": "tipping",
-    "Trajectory": "time_series",
-    "TransferOperator": "eigenvalues",
-    "UncertaintyExponent": "uncertainty_exponent",
-    "WadaGrid": "wada",
-}
-"""The function that draws a record, by the name of its class, so that no class has to be imported."""
+F = TypeVar("F", bound=Callable[..., Any])
 
-WITH_BASINS = {"Ball": "ball", "FatalShock": "fatal_shock"}
-"""Records that are drawn on basins, which have to be given."""
+FIGURES: dict[type, Callable[..., Any]] = {}
+"""The figure of each record, of those modules that are imported."""
 
-_LIBRARY = __name__.split(".")[0]
+_ROOM = __name__.rpartition(".")[0]
+_LIBRARY = _ROOM.partition(".")[0]
+
+
+def figure(function: F) -> F:
+    """Check the arguments of a figure, and take it for the records that its first argument may be.
+
+    A second figure of a record is :func:`checked` only: it is drawn by its name.
+    """
+    held = checked(function)
+    hint = get_type_hints(function)[next(iter(inspect.signature(function).parameters))]
+    FIGURES.update(
+        {kind: held for kind in (hint, *get_args(hint)) if getattr(kind, "__module__", "").startswith(_LIBRARY)}
+    )
+    return held
 
 
 def draw(result: Any, *, ax: Axes | None = None, **options: Any) -> Axes | tuple[Axes, ...]:
@@ -89,12 +64,16 @@ def draw(result: Any, *, ax: Axes | None = None, **options: Any) -> Axes | tuple
     >>> plot.draw(find_basins(halves, CellGrid((-1, -1), (1, 1), (8, 8)))).get_xlabel()
     'x'
     """
-    known = {**FIGURES, **WITH_BASINS}
-    for kind in type(result).__mro__:
-        if kind.__module__.split(".")[0] == _LIBRARY and kind.__name__ in known:
-            if kind.__name__ in WITH_BASINS and "basins" not in options:
+    room = importlib.import_module(_ROOM)
+    for name in room.__all__:  # a figure is known once its module is imported
+        getattr(room, name)
+    carried = [] if isinstance(result, type) or not isinstance(getattr(result, "fit", None), Fit) else [Fit]
+    for kind in (*type(result).__mro__, *carried):
+        if kind in FIGURES:
+            needed = [p.name for p in inspect.signature(FIGURES[kind]).parameters.values() if p.default is p.empty]
+            if "basins" in needed[1:] and "basins" not in options:
                 raise TypeError(f"basins is missing: a {kind.__name__} is drawn on basins, so give them as basins=")
-            figure = getattr(importlib.import_module(_LIBRARY + ".plot"), known[kind.__name__])
-            drawn: Axes | tuple[Axes, ...] = figure(result, ax=ax, **options)
+            drawn: Axes | tuple[Axes, ...] = FIGURES[kind](result, ax=ax, **options)
             return drawn
-    raise TypeError(f"result={shown(result)}: there is no figure of it; give one of {', '.join(sorted(known))}")
+    known = ", ".join(sorted(kind.__name__ for kind in FIGURES))
+    raise TypeError(f"result={shown(result)}: there is no figure of it; give one of {known}, or what has a fit")

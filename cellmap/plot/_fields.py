@@ -9,19 +9,19 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap
 
 from .._lib.checks import one_of
-from .._lib.signatures import checked
 from ..orbits.chaos_tests import CHAOTIC, REGULAR, UNDECIDED, ChaosTest
 from ..orbits.covariant import CovariantVectors
 from ..orbits.exponent_fields import ExponentField
 from ..orbits.lyapunov import LyapunovSpectrum
 from ._axes import axes_or_new, label_axis
 from ._colours import colour_of
+from ._draw import figure
 
 _MOST_CURVES = 64
 _VERDICT_COLOURS = {CHAOTIC: "#D55E00", REGULAR: "#0072B2", UNDECIDED: "0.5"}
 
 
-@checked
+@figure
 def exponent_field(
     field: ExponentField,
     *,
@@ -102,7 +102,7 @@ def exponent_field(
     return ax
 
 
-@checked
+@figure
 def lyapunov_spectrum(spectrum: LyapunovSpectrum, *, ax: Axes | None = None, per_time: bool = False) -> Axes:
     """Draw the convergence of Lyapunov exponents with the number of periods, for at most 64 orbits.
 
@@ -145,7 +145,7 @@ def lyapunov_spectrum(spectrum: LyapunovSpectrum, *, ax: Axes | None = None, per
     return ax
 
 
-@checked
+@figure
 def covariant_vectors(result: CovariantVectors, *, ax: Axes | None = None, first: int | None = None) -> Axes:
     """Draw a histogram of the angles between expanding and contracting directions.
 
@@ -187,7 +187,7 @@ def covariant_vectors(result: CovariantVectors, *, ax: Axes | None = None, first
     return ax
 
 
-@checked
+@figure
 def chaos_test(test: ChaosTest, *, ax: Axes | None = None) -> Axes:
     """Draw the result of a test for chaos, for at most 64 orbits.
 

@@ -10,14 +10,14 @@ from matplotlib.axes import Axes
 from .._lib.arrays import Floats
 from .._lib.checks import shown
 from .._lib.fit import Fit
-from .._lib.signatures import checked
 from ._axes import axes_or_new
 from ._colours import COLOURS, one_colour
+from ._draw import figure
 
 
-@checked
+@figure
 def fit(
-    result: Any, *, ax: Axes | None = None, colour: Any = None, label: str | None = None, shade: bool = True
+    result: Fit | Any, *, ax: Axes | None = None, colour: Any = None, label: str | None = None, shade: bool = True
 ) -> Axes:
     """Draw the points of a fit, its window, and the line with its slope.
 

@@ -11,13 +11,13 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
 from .._lib.checks import one_of
-from .._lib.signatures import checked
 from ..bifurcations.circle_branches import CircleBranch, CircleStatus
 from ..bifurcations.connecting_branches import ConnectionBranch
 from ..bifurcations.tongues import ArnoldTongue
 from ..maps.coordinates import difference
 from ._axes import axes_or_new, cut_at_branch_cuts, label_axis, pair_of
 from ._colours import colour_of
+from ._draw import figure
 
 _STATUS_STYLES: dict[CircleStatus, Any] = {
     CircleStatus.SMOOTH: {"marker": "o", "color": "#0072B2", "markersize": 3.0},
@@ -27,7 +27,7 @@ _STATUS_STYLES: dict[CircleStatus, Any] = {
 _PHASES = 512  # of a curve that are drawn
 
 
-@checked
+@figure
 def connections(
     branches: ConnectionBranch | Sequence[ConnectionBranch], *, ax: Axes | None = None, legend: bool = True
 ) -> Axes:
@@ -82,7 +82,7 @@ def connections(
     return ax
 
 
-@checked
+@figure
 def invariant_circles(
     branch: CircleBranch,
     *,
@@ -175,7 +175,7 @@ def _draw_curves(ax: Axes, branch: CircleBranch, plane: tuple[int, int], legend:
         ax.figure.colorbar(scale, ax=ax, label=branch.parameter)
 
 
-@checked
+@figure
 def arnold_tongues(
     tongues: ArnoldTongue | Sequence[ArnoldTongue], *, ax: Axes | None = None, legend: bool = True
 ) -> Axes:

@@ -12,14 +12,14 @@ from matplotlib.colors import to_rgb
 from matplotlib.patches import Patch
 
 from .._lib.arrays import Floats
-from .._lib.signatures import checked
 from ..basins.continuation_record import BasinContinuation
 from ..orbits.attractor import Kind
 from ._axes import column_of, label_axis
 from ._colours import CODE_COLOURS, Colour, chosen_colours, colour_of
+from ._draw import figure
 
 
-@checked
+@figure
 def basin_continuation(
     continuation: BasinContinuation,
     *,

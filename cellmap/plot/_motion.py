@@ -16,11 +16,12 @@ from ..maps.coordinates import Coordinate, wrap
 from ..maps.trajectories import Trajectory
 from ._axes import cut_at_branch_cuts, label_axis, pair_of
 from ._colours import colour_of
+from ._draw import figure
 
 _TIME = Coordinate("t")
 
 
-@checked
+@figure
 def time_series(
     trajectory: Trajectory,
     *,

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from matplotlib.axes import Axes
 
-from .._lib.signatures import checked
 from ..basins.planning.options import Option
 from ..basins.planning.plans import Plan
 from ._axes import axes_or_new
+from ._draw import figure
 
 
-@checked
+@figure
 def plan(plan: Plan, *, ax: Axes | None = None) -> Axes:
     """Draw the predicted error against the predicted time of all options of a plan, and mark the chosen one.
 

@@ -7,7 +7,6 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from .._lib.arrays import Floats
-from .._lib.signatures import checked
 from ..analysis.resilience.basin_fractions import BasinStability
 from ..analysis.resilience.integrity import Ball
 from ..analysis.resilience.settling_times import SettlingStatistics
@@ -18,9 +17,10 @@ from ..maps.coordinates import Coordinate
 from ._axes import axes_or_new, cut_at_branch_cuts, label_axis
 from ._basins import basins as draw_basins
 from ._colours import CODE_COLOURS, colour_of
+from ._draw import figure
 
 
-@checked
+@figure
 def basin_stability(stability: BasinStability, *, ax: Axes | None = None) -> Axes:
     """Draw the fractions of the basins with their intervals.
 
@@ -57,7 +57,7 @@ def basin_stability(stability: BasinStability, *, ax: Axes | None = None) -> Axe
     return ax
 
 
-@checked
+@figure
 def settling_times(statistics: SettlingStatistics, *, ax: Axes | None = None) -> Axes:
     """Draw for each basin the fraction of initial conditions that have not settled yet, against the step.
 
@@ -96,7 +96,7 @@ def settling_times(statistics: SettlingStatistics, *, ax: Axes | None = None) ->
     return ax
 
 
-@checked
+@figure
 def fatal_shock(shock: FatalShock, *, basins: Basins, ax: Axes | None = None) -> Axes:
     """Draw a minimal fatal shock over the basins: an arrow, and the ball whose radius it is.
 
@@ -139,7 +139,7 @@ def fatal_shock(shock: FatalShock, *, basins: Basins, ax: Axes | None = None) ->
     return ax
 
 
-@checked
+@figure
 def ball(ball: Ball, *, basins: Basins, ax: Axes | None = None) -> Axes:
     """Draw a ball inside a basin over the basins.
 
@@ -173,7 +173,7 @@ def ball(ball: Ball, *, basins: Basins, ax: Axes | None = None) -> Axes:
     return ax
 
 
-@checked
+@figure
 def tipping(tipping: TippingProbabilities, *, ax: Axes | None = None) -> Axes:
     """Draw tipping probabilities as a matrix.
 

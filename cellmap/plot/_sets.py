@@ -20,9 +20,10 @@ from ..sets.morse_graphs import MorseGraph
 from ..sets.transfer_operators import TransferOperator
 from ._axes import axes_or_new, label_axis, pair_of
 from ._colours import colour_of
+from ._draw import figure
 
 
-@checked
+@figure
 def boxes(
     boxes: BoxSet,
     *,
@@ -82,7 +83,7 @@ def boxes(
     return ax
 
 
-@checked
+@figure
 def morse_graph(
     graph: MorseGraph, *, coordinates: tuple[int | str, int | str] = (0, 1), ax: Axes | None = None
 ) -> Axes:
@@ -126,7 +127,7 @@ def morse_graph(
     return ax
 
 
-@checked
+@figure
 def eigenvalues(operator: TransferOperator, *, n_eigenvalues: int = 12, ax: Axes | None = None) -> Axes:
     """Draw the largest eigenvalues of a transfer operator, with the unit circle.
 

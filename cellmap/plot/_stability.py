@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 
 from .._lib.arrays import Bools, Floats
 from .._lib.checks import real_array
-from .._lib.signatures import checked
 from ..bifurcations.crossings import Crossing
 from ..bifurcations.equilibrium_stability import StabilityMap
 from ._axes import axes_or_new
 from ._colours import COLOURS, chosen_colours
+from ._draw import figure
 
 CROSSING_COLOURS = dict(zip(Crossing, COLOURS, strict=False))
 """Colour of each way in which multipliers cross the unit circle."""
@@ -35,7 +35,7 @@ _DOTS: dict[str, Any] = {
 }
 
 
-@checked
+@figure
 def stability_map(
     stability: StabilityMap,
     *,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,6 +49,7 @@ class BoxSet:
     BoxSet(16 of 8 x 8 boxes)
     """
 
+    _made_by: ClassVar = "BoxSet.full or relative_attractor"
     grid: CellGrid
     keys: Ints
 

@@ -33,7 +33,7 @@ from small_systems import (
 import cellmap
 import systems
 from cellmap import CellGrid, angle
-from cellmap._lib.signatures import MADE_BY
+from cellmap._lib.signatures import makers
 
 
 @cache
@@ -290,6 +290,12 @@ def public_things() -> Mapping[str, Any]:
         module = importlib.import_module(f"cellmap.{room}".strip("."))
         found |= {("plot_" if room == "plot" else "") + name: getattr(module, name) for name in module.__all__}
     return found
+
+
+MADE_BY = {
+    name: makers(member) for name, member in public_things().items() if inspect.isclass(member) and makers(member)
+}
+"""Where records come from, as errors say it."""
 
 
 def targets() -> Mapping[str, Callable[[], Callable[..., Any]]]:
