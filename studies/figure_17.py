@@ -44,7 +44,7 @@ from systems.lab import (
     measure_least_amplitudes,
     read_stability_points,
 )
-from systems.lab.shaker.stability_experiment import stays_up
+from systems.synthetic.stability_experiment import stays_up
 
 MEASURED = Path(__file__).parent / "figure_17_measured.csv"
 RANGE = (15.0, 35.0)  # Hz, of the report's measurements

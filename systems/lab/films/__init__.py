@@ -1,1 +1,1 @@
-"""Films: markers followed through them, and angles of rods; and films made from scenes."""
+"""Films: markers followed through them, and angles of rods."""

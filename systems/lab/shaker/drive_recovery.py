@@ -23,7 +23,6 @@ from .drive_search import (
 )
 from .harmonic_fit import Array, Fit, Record, resolution_of
 from .recovered_drive import RecoveredDrive as RecoveredDrive
-from .synthetic_records import record_acceleration as record_acceleration
 
 _FEWEST_SAMPLES = 10
 
@@ -101,6 +100,7 @@ def recover_drive(
     Examples
     --------
     >>> from systems import VerticalDrive
+    >>> from systems.lab import record_acceleration
     >>> times = np.linspace(0.0, 1.0, 2000, endpoint=False)
     >>> record = record_acceleration(VerticalDrive(0.003, 50.0, 0.5), times, noise=3.0, offset=9.8, rng=1)
     >>> recover_drive(times, record)

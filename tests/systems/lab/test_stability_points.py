@@ -23,7 +23,7 @@ from systems.lab import (
     stability_points_from_volts,
     write_stability_points,
 )
-from systems.lab.shaker.stability_experiment import stays_up
+from systems.synthetic.stability_experiment import stays_up
 
 POINTS = StabilityPoints(np.array([15.0, 25.0, 35.0]), np.array([8.25e-3, 4.95e-3, 3.5e-3]), np.full(3, 5e-5), "short")
 

@@ -14,10 +14,10 @@ from cellmap import ForcedSystem, PointMap, stroboscopic_map
 from cellmap.maps import swept_map
 from cellmap.utils import Rng, finite_number, monotone_values, random_numbers, whole_number
 
-from ...drives import VerticalDrive
-from .drive_recovery import recover_drive
-from .stability_points import StabilityPoints
-from .synthetic_records import record_acceleration
+from ..drives import VerticalDrive
+from ..lab.shaker.drive_recovery import recover_drive
+from ..lab.shaker.stability_points import StabilityPoints
+from .records import record_acceleration
 
 _MOST_STEPS = 4096
 

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from cellmap import ForcedSystem
 from cellmap.utils import Rng, finite_number, over_arrays, random_numbers, whole_number
 
-from ...effects import Effect
-from .voltage_conversion import STANDARD_GRAVITY, volts_from_acceleration
+from ..effects import Effect
+from ..lab.shaker.voltage_conversion import STANDARD_GRAVITY, volts_from_acceleration
 
 _SIXTH_ORDER = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / 180.0
 _FRACTION = 256  # of a period, over which the height is differenced
