@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from cellmap import Attractor, Basins, CellGrid, find_basins, plot, save_basins, stroboscopic_map
-from cellmap.basins.record import basins_memory
+from cellmap.basins.label_store import basins_memory
 from cellmap.orbits import Kind
 from systems import double_pendulum
 

@@ -67,7 +67,7 @@ TYPES = {
     "values": "ArrayLike",
     "periods": "int|float",
     "transient": "int",
-    "max_period": "int",
+    "longest_period": "int",
     "max_periods": "int",
     "max_steps": "int",
     "max_points": "int",

@@ -27,8 +27,8 @@ from .files import StoreError, discard_parts, written_whole
 from .sealed import (
     ROOM,
     UnsealedError,
-    get_mapping,
     get_number,
+    get_settings,
     get_text,
     image_of,
     opened,
@@ -193,7 +193,7 @@ def _with_file(path: Path, read: Callable[[h5py.File], Read]) -> Read:
 
 def belongs_of(file: h5py.Group) -> dict[str, Any]:
     """Read which run a file belongs to; nothing where it does not say."""
-    return get_mapping(file, "belongs") if ".belongs" in file or "belongs" in file.attrs else {}
+    return get_settings(file, "belongs") if ".belongs" in file or "belongs" in file.attrs else {}
 
 
 def _no_checkpoint(path: Path) -> StoreError:

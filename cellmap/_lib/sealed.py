@@ -25,6 +25,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from .checks import in_bytes
 from .files import StoreError
+from .signatures import RENAMED
 
 
 class UnsealedError(StoreError):
@@ -175,6 +176,11 @@ def get_mapping(group: h5py.Group, name: str) -> dict[str, Any]:
     if not isinstance(found := json.loads(get_text(group, name)), dict):
         raise TypeError(f"{name} is not a mapping")
     return found
+
+
+def get_settings(group: h5py.Group, name: str) -> dict[str, Any]:
+    """Read a mapping of arguments, of which some may have been written under an older name."""
+    return {RENAMED.get(key, key): value for key, value in get_mapping(group, name).items()}
 
 
 def group_of(group: h5py.Group, name: str) -> h5py.Group:

@@ -11,10 +11,14 @@ from typing import Any, NamedTuple, TypeVar, Union, cast, get_args, get_origin, 
 
 import numpy as np
 
-from .checks import is_sequence, real_number, shown
+from .checks import is_sequence, real_number, shown, warn_caller
 
 _LIBRARY = __name__.split(".")[0]
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+RENAMED = {"max_period": "longest_period"}
+"""Arguments that had another name in cellmap 0.1, which is still accepted."""
 
 
 class _Kind(NamedTuple):
@@ -51,12 +55,17 @@ def checked(function: F) -> F:
 
     Bounds are left to the function, and so is what else a signature may ask for: array_like, strings, functions,
     mappings and pairs, of which it knows the shapes and the choices.  A sequence of numbers may be an array, and a
-    float any real number.
+    float any real number.  Arguments in :data:`RENAMED` are accepted under their old names.
 
     Raises
     ------
     TypeError
         Of the new function, for an argument of another type: ``argument=value: remedy``.
+
+    Warns
+    -----
+    DeprecationWarning
+        By the new function, for an argument under its old name.
 
     Examples
     --------
@@ -70,10 +79,15 @@ def checked(function: F) -> F:
     """
     code = function.__code__
     names = code.co_varnames[: code.co_argcount]
+    old = {before: now for before, now in RENAMED.items() if now in names}
 
     @functools.wraps(function)
     def call(*args: Any, **named: Any) -> Any:
         kinds = _kinds(function)
+        for before in old.keys() & named.keys():
+            now = old[before]
+            warn_caller(f"{before} is called {now} since cellmap 0.2: give {now}={named[before]!r}", DeprecationWarning)
+            named[now] = named.pop(before)
         for name, value in (*zip(names, args, strict=False), *named.items()):
             kind = kinds.get(name)
             if kind is not None and not kind.holds(value):

@@ -128,7 +128,7 @@ def _beside(place: Floats, line: Floats, exact: PointMap, extent: Floats) -> boo
 
 
 def closed_orbits(
-    point_map: PointMap, states: Floats, extent: Floats, max_period: int, longest: int = 0
+    point_map: PointMap, states: Floats, extent: Floats, longest_period: int, longest: int = 0
 ) -> list[tuple[Floats, int]]:
     """Return those of many states that orbits come back to, and after how many steps; of fewer up to a longest period.
 
@@ -139,9 +139,9 @@ def closed_orbits(
     states = states[chosen]
     orbits, periods = Orbits.starting(states.copy()), np.zeros(len(states), np.int64)
     near, few = _CLOSED * np.array([resolution(state, extent) for state in states]), np.ones(len(states), bool)
-    for q in range(1, max(max_period, longest) + 1):
+    for q in range(1, max(longest_period, longest) + 1):
         check_stop()
-        if q == max_period + 1:
+        if q == longest_period + 1:
             few[:] = False
             few[np.linspace(0, len(states) - 1, min(len(states), _FEWER)).round().astype(int)] = True
         rows = np.flatnonzero(few & (periods == 0))

@@ -56,12 +56,12 @@ class Examined:
             np.array([solution is not None for solution in known]),
         )
 
-    def return_distances(self, point_map: PointMap, ends: Floats, max_period: int) -> Floats:
+    def return_distances(self, point_map: PointMap, ends: Floats, longest_period: int) -> Floats:
         """Return what :func:`return_distances` does; ends that were looked at just before are not followed again."""
         keys = [end.tobytes() for end in ends]
-        new = [i for i, key in enumerate(keys) if len(self.distances.get(key, ())) != max_period]
+        new = [i for i, key in enumerate(keys) if len(self.distances.get(key, ())) != longest_period]
         if new:
-            found = return_distances(point_map, ends[new], max_period, self.extent)
+            found = return_distances(point_map, ends[new], longest_period, self.extent)
             self.distances |= {keys[i]: distances for i, distances in zip(new, found.T, strict=True)}
         self.distances = {key: self.distances[key] for key in keys}
         return np.array([self.distances[key] for key in keys]).T

@@ -21,20 +21,20 @@ _RETURNED = 0.2  # if they bring it back to within this part of the extent
 
 
 def guesses_of(
-    point_map: PointMap, states: Floats, max_period: int, extent: Floats, examined: Examined
+    point_map: PointMap, states: Floats, longest_period: int, extent: Floats, examined: Examined
 ) -> Iterator[tuple[Floats, Ints]]:
     """Yield guesses of periodic points with their periods: first period 1, then those of the closest returns.
 
     Guesses are ends that lie far apart, and ends whose orbits come back closest.
     """
     ends = states[np.unique(np.linspace(0, len(states) - 1, LOOKED_AT).round().astype(np.int64))]
-    distance = examined.return_distances(point_map, ends, max_period)
+    distance = examined.return_distances(point_map, ends, longest_period)
     patience = np.argsort(distance.min(axis=0), kind="stable")
     chosen = _far_apart(ends, np.arange(len(ends)), point_map, extent)
     chosen += [i for i in _far_apart(ends, patience[:_SETTLING], point_map, extent) if i not in chosen]
     ends, distance = ends[chosen], distance[:, chosen]
     yield ends, np.ones(len(ends), np.int64)
-    if max_period > 1:
+    if longest_period > 1:
         closest = 2 + np.argsort(distance[1:], axis=0, kind="stable")[:_RETURNS]
         close = np.take_along_axis(distance, closest - 1, axis=0) < _RETURNED
         rank, row = np.nonzero(close & ~_multiples(closest))

@@ -42,7 +42,7 @@ def find_attractors(
     point_map: PointMap,
     initial_conditions: ArrayLike,
     max_periods: int = 2000,
-    max_period: int = 32,
+    longest_period: int = 32,
     attractors: Sequence[Attractor] = (),
 ) -> tuple[Attractor, ...]:
     """Find the attractors to which orbits of given initial conditions converge.
@@ -61,7 +61,7 @@ def find_attractors(
         Initial conditions of the orbits.
     max_periods : int, optional
         Longest orbit.
-    max_period : int, optional
+    longest_period : int, optional
         Longest period of a periodic attractor that is tried first.  Where orbits do not settle, longer ones are tried,
         up to twice as many steps as they have made, at least 512 and at most 8192.
     attractors : sequence of Attractor, optional
@@ -92,10 +92,10 @@ def find_attractors(
         raise ValueError("initial_conditions is empty: give at least one initial condition")
     check_attractors(attractors, point_map, "attractors")
     max_periods = whole_number("max_periods", max_periods, at_least=1)
-    max_period = longest_period(max_period)
+    longest_period = affordable_period(longest_period)
     extent = region_extent(point_map, states)
     found = search(
-        point_map, states, attractors, max_periods, max_period, extent, Examined.nothing_yet(point_map, extent)
+        point_map, states, attractors, max_periods, longest_period, extent, Examined.nothing_yet(point_map, extent)
     )
     attractors, reasons = found.attractors, tuple[Reason, ...]()
     if len(found.orbits):
@@ -132,7 +132,7 @@ def search(
     states: Floats,
     known: Sequence[Attractor],
     max_periods: int,
-    max_period: int,
+    longest_period: int,
     extent: Floats,
     examined: Examined,
     stop: Stop | None = None,
@@ -151,7 +151,7 @@ def search(
         age, time_limit = min(age + time_limit, max_periods), 2 * age if age else time_limit
         if last or not _many_settle(before, len(orbits)):
             orbits, attractors, owners = sort_out(
-                point_map, orbits, attractors, max_period, extent, age, examined, patient=not last, last=last
+                point_map, orbits, attractors, longest_period, extent, age, examined, patient=not last, last=last
             )
             labels[rows], times[rows] = owners, np.where(owners >= 0, age, -1)
             rows = rows[owners == Label.UNDECIDED]
@@ -184,7 +184,7 @@ def sort_out(
     point_map: PointMap,
     orbits: Orbits,
     attractors: list[Attractor],
-    max_period: int,
+    longest_period: int,
     extent: Floats,
     age: int,
     examined: Examined,
@@ -201,14 +201,14 @@ def sort_out(
     for _ in range(_LOOKS):
         if not len(orbits):
             break
-        fresh = new_attractors(point_map, orbits.points, attractors, max_period, extent, examined)
+        fresh = new_attractors(point_map, orbits.points, attractors, longest_period, extent, examined)
         # Orbits that approach one of these come to rest on it, and on no continuum of equilibria.
         others = orbits.points[Catalogue.of(fresh, point_map).owners_of(orbits.points) < 0]
         fresh += sticking_sets(point_map, others, extent, attractors)
         if not fresh and (age >= _MATURE or not patient):
             fresh = curves_and_cycles(point_map, orbits.points, attractors, extent, examined, age, slow=last)
         if not fresh and (age >= _MATURE or not patient):
-            closed = closed_orbits(point_map, orbits.points, extent, max_period, _LONGEST_AT_REST if last else 0)
+            closed = closed_orbits(point_map, orbits.points, extent, longest_period, _LONGEST_AT_REST if last else 0)
             fresh = verified_cycles(point_map, closed, attractors, extent, examined)
             fresh = fresh or continua(point_map, closed, extent, attractors, examined.lines)
         if not fresh:
@@ -228,9 +228,9 @@ def _many_settle(before: int, left: int) -> bool:
     return 2 * left <= before
 
 
-def longest_period(max_period: int) -> int:
+def affordable_period(longest_period: int) -> int:
     """Return the longest period of attractors that are searched for, once there is memory for the search."""
-    return affordable_number("max_period", max_period, 2 * 8 * LOOKED_AT, at_least=1)
+    return affordable_number("longest_period", longest_period, 2 * 8 * LOOKED_AT, at_least=1)
 
 
 def region_extent(point_map: PointMap, states: Floats) -> Floats:
@@ -244,10 +244,15 @@ def region_extent(point_map: PointMap, states: Floats) -> Floats:
 
 
 def new_attractors(
-    point_map: PointMap, states: Floats, known: Sequence[Attractor], max_period: int, extent: Floats, examined: Examined
+    point_map: PointMap,
+    states: Floats,
+    known: Sequence[Attractor],
+    longest_period: int,
+    extent: Floats,
+    examined: Examined,
 ) -> list[Attractor]:
     """Refine some end points of orbits; return the attractors not known yet, each with its trapping neighbourhood."""
-    for guesses, periods in guesses_of(point_map, states, max_period, extent, examined):
+    for guesses, periods in guesses_of(point_map, states, longest_period, extent, examined):
         found: list[Attractor] = []
         solutions, settled = examined.refined(point_map, guesses, periods)
         for i in sorted(np.flatnonzero(settled), key=lambda i: periods[i]):

@@ -17,7 +17,7 @@ from .._lib.threads import progress_bar
 from ..attractors.continued import continue_attractors
 from ..attractors.labels import LABEL_NAMES
 from ..attractors.matching import persistent_labels, thinned
-from ..attractors.search import find_attractors, longest_period, region_extent
+from ..attractors.search import affordable_period, find_attractors, region_extent
 from ..maps.coordinates import state_points, wrap
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
@@ -25,7 +25,8 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind
 from .continuation_record import BasinContinuation, ContinuationInterrupt, count_initial_conditions
 from .finding import find_basins
-from .record import Basins, basins_memory
+from .label_store import basins_memory
+from .record import Basins
 
 _SEEDS = 4  # points of a former attractor from which it is sought again,
 _ASIDE = 1e-3  # and as many beside them, at this part of the extent: it may have lost its stability
@@ -39,7 +40,7 @@ def continue_basins(
     values: ArrayLike,
     initial_conditions: CellGrid | ArrayLike,
     max_periods: int = 2000,
-    max_period: int = 32,
+    longest_period: int = 32,
     threshold: float = 0.1,
     resume: BasinContinuation | None = None,
     progress: bool = False,
@@ -64,7 +65,7 @@ def continue_basins(
         sample.
     max_periods : int, optional
         Periods after which an initial condition whose orbit has not settled is undecided.
-    max_period : int, optional
+    longest_period : int, optional
         Longest period of a periodic attractor.
     threshold : float, optional
         Largest distance between matching attractors at consecutive values: the mean distance of points of one to the
@@ -126,7 +127,7 @@ def continue_basins(
         raise ValueError("initial_conditions is empty: give at least one initial condition")
     settings = {
         "max_periods": whole_number("max_periods", max_periods, at_least=1),
-        "max_period": longest_period(max_period),
+        "longest_period": affordable_period(longest_period),
         "threshold": finite_number("threshold", threshold, above=0.0),
     }
     specified = point_map.without_table.specified
@@ -211,7 +212,7 @@ def _step(
     point_map: PointMap, initial_conditions: CellGrid | Floats, settings: Mapping[str, Any], done: _Done, extent: Floats
 ) -> tuple[dict[int, Attractor], dict[int, int], Basins]:
     """Return the attractors by label, the counts, and the basins at one value."""
-    limits = settings["max_periods"], settings["max_period"]
+    limits = settings["max_periods"], settings["longest_period"]
     memory = done.memory()
     known: tuple[Attractor, ...] = ()
     if memory:

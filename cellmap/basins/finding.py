@@ -4,29 +4,26 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from .._lib.checks import claim_disk, claim_memory, finite_number, whole_number
+from .._lib.checks import finite_number, whole_number
 from .._lib.files import as_target, locked
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
 from .._lib.tiles import check_client
-from ..attractors.search import check_attractors, longest_period
-from ..maps.fingerprint import PROBES, fingerprint
+from ..attractors.search import affordable_period, check_attractors
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
 from .doubts import warn_of_doubts
 from .initial_conditions import InitialConditions
-from .label_store import InMemory, LabelStore
+from .label_store import label_store
 from .passes import Run
-from .record import Basins, basins_disk, basins_memory
+from .record import Basins
 
 
 @checked
@@ -34,7 +31,7 @@ def find_basins(
     point_map: PointMap,
     initial_conditions: CellGrid | ArrayLike,
     max_periods: int = 2000,
-    max_period: int = 32,
+    longest_period: int = 32,
     attractors: Sequence[Attractor] = (),
     progress: bool = False,
     client: Any = None,
@@ -57,7 +54,7 @@ def find_basins(
         Grid of cells whose centres are the initial conditions, or the initial conditions themselves.
     max_periods : int, optional
         Periods after which an initial condition whose orbit has not settled is undecided.
-    max_period : int, optional
+    longest_period : int, optional
         Longest period of a periodic attractor that is tried first.  Where orbits do not settle, longer ones are tried,
         up to twice as many steps as they have made, at least 512 and at most 8192.
     attractors : sequence of Attractor, optional
@@ -112,56 +109,21 @@ def find_basins(
     (array([[1.]]), 0.5)
     """
     max_periods = whole_number("max_periods", max_periods, at_least=1)
-    max_period = longest_period(max_period)
+    longest_period = affordable_period(longest_period)
     check_attractors(attractors, point_map, "attractors")
     check_client(client)
     limit = None if max_seconds is None else finite_number("max_seconds", max_seconds, above=0.0)
     began = time.perf_counter()
     places = InitialConditions.of(initial_conditions, point_map)
-    settings = {"max_periods": max_periods, "max_period": max_period, "map": dict(point_map.recipe)}
+    settings = {"max_periods": max_periods, "longest_period": longest_period, "map": dict(point_map.recipe)}
     path = None if checkpoint is None else as_target("checkpoint", checkpoint)
     with locked(path):
-        store = _store(point_map, places, settings, tuple(attractors), path)
+        store = label_store(point_map, places, settings, attractors, path)
         if (finished := store.finished()) is not None:
             return replace(finished, point_map=point_map)
-        if path is not None:
-            _claim_room(len(places), path)
-        run = Run(point_map, places, store, max_periods, max_period, client, progress, Stop(limit))
+        run = Run(point_map, places, store, max_periods, longest_period, client, progress, Stop(limit))
         for _ in run.tiles(attractors):
             pass
         basins = run.result(settings, time.perf_counter() - began)
     warn_of_doubts(basins, store.release)
     return basins
-
-
-def _store(
-    point_map: PointMap,
-    places: InitialConditions,
-    settings: Mapping[str, Any],
-    known: tuple[Attractor, ...],
-    path: Path | None,
-) -> LabelStore:
-    """Return where labels are to be kept; in memory, once there is room for them."""
-    total = len(places)
-    if path is None:
-        remedy = "take fewer initial conditions, or give a checkpoint, which keeps them on the disk"
-        claim_memory(f"labels of {total:,} initial conditions", basins_memory(total), remedy)
-        return InMemory(places.shape)
-    from .label_file import OnDisk, describe_attractors
-
-    probes = places.points(np.unique(np.linspace(0, total - 1, PROBES).astype(np.int64)))
-    limits = {name: settings[name] for name in ("max_periods", "max_period")}
-    belongs = {
-        "what": "basins",
-        "initial_conditions": places.description(),
-        **limits,
-        "attractors": describe_attractors(known),
-        **fingerprint(point_map, probes),
-    }
-    return OnDisk(places.shape, path, belongs)
-
-
-def _claim_room(total: int, path: Path) -> None:
-    """Make sure that labels of some number of initial conditions fit into a checkpoint, and what else they need."""
-    claim_memory(f"labelling {total:,} initial conditions", basins_memory(total, checkpoint=True), "free some")
-    claim_disk(f"checkpoint={str(path)!r}", basins_disk(total), path, "take fewer initial conditions, or another disk")

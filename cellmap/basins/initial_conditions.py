@@ -15,6 +15,7 @@ from .._lib.arrays import Bools, Floats, Ints
 from .._lib.computed import computed_once
 from .._lib.threads import slices
 from ..maps.coordinates import state_points, wrap
+from ..maps.fingerprint import PROBES, fingerprint
 from ..maps.grid import CellGrid, grid_points
 from ..maps.point_map import PointMap
 
@@ -71,13 +72,16 @@ class InitialConditions:
         """Return some initial conditions with wrapped angles."""
         return wrap(self.points(rows), point_map.coordinates)
 
-    def description(self) -> dict[str, Any]:
-        """Return plain values that identify these initial conditions."""
+    def fingerprint(self, point_map: PointMap) -> dict[str, Any]:
+        """Return plain values that identify these initial conditions, and a map by its images of some of them."""
         if self.grid is not None:
             grid = self.grid
-            return {"lower": grid.lower, "upper": grid.upper, "shape": grid.shape, "wraps": grid.wraps}
-        assert self.given is not None
-        return {"shape": self.given.shape, "sha256": hashlib.sha256(self.given.tobytes()).hexdigest()}
+            named: dict[str, Any] = {"lower": grid.lower, "upper": grid.upper, "shape": grid.shape, "wraps": grid.wraps}
+        else:
+            assert self.given is not None
+            named = {"shape": self.given.shape, "sha256": hashlib.sha256(self.given.tobytes()).hexdigest()}
+        probes = self.points(np.unique(np.linspace(0, len(self) - 1, PROBES).astype(np.int64)))
+        return {"initial_conditions": named, **fingerprint(point_map, probes)}
 
 
 @dataclass(frozen=True, eq=False)

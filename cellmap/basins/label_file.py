@@ -16,19 +16,21 @@ from numpy.typing import NDArray
 
 from .._lib.arrays import Ints
 from .._lib.checkpoint import TILE, Arrays, Checkpoint, check_belongs, damaged, made, resumed
+from .._lib.checks import claim_disk, claim_memory
 from .._lib.sealed import array_of, get_number, get_numbers, group_of, within
 from .._lib.threads import slices
 from ..attractors.examined import Examined
 from ..attractors.labels import LABEL_NAMES
 from ..attractors.settling import Settled
 from ..maps.orbit_batch import Tally
+from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
-from .initial_conditions import BLOCK, Rows
-from .label_store import LabelStore
-from .progress import Progress
+from .initial_conditions import BLOCK, InitialConditions, Rows
+from .label_store import LabelStore, basins_disk, basins_memory
 from .record import Basins
 from .store import basins_file, is_basins_file, mapped_basins, read_mapped
 from .stored_attractors import read_attractors, write_attractors
+from .sweeps import Progress
 
 _FORGET = 64  # tiles after which pages of a file need not stay in memory
 
@@ -43,6 +45,31 @@ class OnDisk(LabelStore):
         super().__init__(shape)
         self._path, self._belongs = path, belongs
         self._file: Checkpoint | None = None  # until a pass has begun
+        self._whole = self._found()
+        if self._whole is None:
+            what, remedy = (
+                f"labelling {self.total:,} initial conditions",
+                "take fewer initial conditions, or another disk",
+            )
+            claim_memory(what, basins_memory(self.total, checkpoint=True), "free some")
+            claim_disk(f"checkpoint={str(path)!r}", basins_disk(self.total), path, remedy)
+
+    @classmethod
+    def of(
+        cls,
+        point_map: PointMap,
+        places: InitialConditions,
+        settings: Mapping[str, Any],
+        known: Sequence[Attractor],
+        path: Path,
+    ) -> OnDisk:
+        """Return the labels of a run, which are found again under the same arguments alone."""
+        limits = {name: settings[name] for name in ("max_periods", "longest_period")}
+        return cls(
+            places.shape,
+            path,
+            {"what": "basins", **limits, "attractors": describe_attractors(known), **places.fingerprint(point_map)},
+        )
 
     def begin(self, now: Progress) -> None:
         """Write the file of a pass, with the labels of all other starts from the file before."""
@@ -79,6 +106,9 @@ class OnDisk(LabelStore):
 
     def finished(self) -> Basins | None:
         """Return the basins, where the file is one of finished ones."""
+        return self._whole
+
+    def _found(self) -> Basins | None:
         if not is_basins_file(self._path):
             return None
         basins, belongs = read_mapped(self._path)
@@ -157,7 +187,8 @@ class OnDisk(LabelStore):
 
 def _write_progress(file: h5py.File, now: Progress, settled: list[int]) -> None:
     group = file.create_group("pass")
-    group.attrs.update(legs=np.array(now.restart_times, np.int64), horizon=now.time_limit, repeats=now.repeats)
+    group.attrs.update(restart_times=np.array(now.restart_times, np.int64), time_limit=now.time_limit)
+    group.attrs["repeats"] = now.repeats
     group.attrs.update(tally=np.array(now.tally, np.int64), undecided=-1 if now.undecided is None else now.undecided)
     write_attractors(group.create_group("attractors"), now.attractors)
     if now.rows.bits is not None:
@@ -168,7 +199,8 @@ def _write_progress(file: h5py.File, now: Progress, settled: list[int]) -> None:
 
 def _read_progress(group: h5py.Group, examined: Examined, total: int, limit: int) -> tuple[Progress, list[int]]:
     rows = Rows(total, array_of(group, "rows", np.uint8, (-(-total // 8),)) if "rows" in group else None)
-    restart_times, time_limit = get_numbers(group, "legs"), get_number(group, "horizon", 1)
+    names = ("legs", "horizon") if "legs" in group.attrs else ("restart_times", "time_limit")  # those of 0.1
+    restart_times, time_limit = get_numbers(group, names[0]), get_number(group, names[1], 1)
     if not all(0 < one < other <= limit for one, other in pairwise([*restart_times, time_limit])) or time_limit > limit:
         raise ValueError(f"its sweeps run to {time_limit} periods")
     now = Progress(

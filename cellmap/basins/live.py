@@ -14,7 +14,7 @@ from .._lib.checks import finite_number, parameter_values, whole_number
 from .._lib.signatures import checked
 from .._lib.stopping import Stop, Stopped
 from ..attractors.labels import LABEL_NAMES
-from ..attractors.search import longest_period, region_extent
+from ..attractors.search import affordable_period, region_extent
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
@@ -98,7 +98,7 @@ class LiveBasins:
         for other parameters.
     initial_conditions : CellGrid or array_like, shape (..., dimension)
         Initial conditions of requests that name no others.
-    max_periods, max_period : int, optional
+    max_periods, longest_period : int, optional
         As in :func:`find_basins`.
     threshold : float, optional
         Largest distance between attractors that count as the same one, as in :func:`continue_basins`.
@@ -126,7 +126,7 @@ class LiveBasins:
         point_map: PointMap,
         initial_conditions: CellGrid | ArrayLike,
         max_periods: int = 2000,
-        max_period: int = 32,
+        longest_period: int = 32,
         threshold: float = 0.1,
         stride: int = 8,
     ) -> None:
@@ -136,7 +136,7 @@ class LiveBasins:
         corners = (
             np.array([grid.lower, grid.upper]) if grid is not None else self._places.points(slice(0, len(self._places)))
         )
-        self._limits = whole_number("max_periods", max_periods, at_least=1), longest_period(max_period)
+        self._limits = whole_number("max_periods", max_periods, at_least=1), affordable_period(longest_period)
         near = finite_number("threshold", threshold, above=0.0)
         self._family = Family(point_map, self._limits, region_extent(point_map, corners), near)
         self._guard = threading.Lock()

@@ -29,11 +29,10 @@ from ..maps.point_map import PointMap, ToleranceWarning
 from ..orbits.attractor import Attractor, sort_key
 from .doubts import cycles_of
 from .initial_conditions import InitialConditions, Rows
-from .label_store import InMemory, LabelStore
-from .label_tiles import Batch, Labelling
-from .progress import Progress
-from .record import HELD, Basins
+from .label_store import HELD, InMemory, LabelStore
+from .record import Basins
 from .strides import StridedTile
+from .sweeps import Batch, Labelling, Progress
 
 _SAMPLE = 1024  # initial conditions of the first search for attractors
 _IN_A_TILE = 8192, 65536  # least and most, where a tile has neither to travel nor to be sealed
@@ -59,7 +58,7 @@ class Run:
     initial_conditions: InitialConditions
     store: LabelStore
     max_periods: int
-    max_period: int
+    longest_period: int
     client: Any = None
     progress: bool = False
     stop: Stop = field(default_factory=Stop)
@@ -192,7 +191,7 @@ class Run:
             examined = Examined.nothing_yet(self.point_map, own)
         periods = self.max_periods if to_the_end else min(_PATIENCE, self.max_periods)
         with heeding(self.stop):
-            found = search(self.point_map, chosen, known, periods, self.max_period, own, examined, self.stop)
+            found = search(self.point_map, chosen, known, periods, self.longest_period, own, examined, self.stop)
             if not to_the_end or not len(found.orbits):
                 return tuple(found.attractors)
             return (*found.attractors, *found.examined(self.point_map, chosen, own).attractors)
@@ -259,7 +258,7 @@ class Run:
         extent, age = now.examined.extent, now.time_limit
         last, known = age >= self.max_periods, list(now.attractors)
         rest, attractors, owners = sort_out(
-            self.point_map, states, known, self.max_period, extent, age, now.examined, last=last
+            self.point_map, states, known, self.longest_period, extent, age, now.examined, last=last
         )  # fmt: skip
         if not last or not len(rest):
             return tuple(attractors), ()

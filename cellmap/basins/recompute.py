@@ -46,5 +46,5 @@ def recompute_basins(basins: Basins, source: ForcedSystem | PointMap) -> Basins:
     initial_conditions = basins.grid if basins.grid is not None else basins.initial_conditions
     assert initial_conditions is not None
     point_map = spec.build() if isinstance(spec, Interpolated) else exact
-    limits = {name: basins.settings[name] for name in ("max_periods", "max_period")}
+    limits = {name: basins.settings[name] for name in ("max_periods", "longest_period")}
     return find_basins(point_map, initial_conditions, **limits)

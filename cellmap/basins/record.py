@@ -25,11 +25,6 @@ from ..orbits.attractor import Attractor, distinct_names
 from .initial_conditions import BLOCK, InitialConditions
 from .verification import Verification, verified
 
-HELD = 2**20
-"""Active orbits whose states are kept from one sweep to the next; those of more are computed again."""
-
-_HELD_BYTES = 256  # for each of them, while they are put together
-
 
 @dataclass(frozen=True)
 class Fraction:
@@ -195,30 +190,3 @@ def fractions_of(
         mean = counts[label] / total
         result[label] = Fraction(mean, float(np.sqrt(mean * (1 - mean) / total)), counts[label])
     return result
-
-
-def basins_memory(initial_conditions: int, checkpoint: bool = False) -> int:
-    """Return the bytes of memory that the labels and settling times of a number of initial conditions need.
-
-    With a checkpoint these are on the disk; a few bits for each initial condition remain in memory, which select those
-    of the present sweep and the next one, and the states of active orbits, as long as they are few.
-
-    Examples
-    --------
-    >>> basins_memory(10**8) // 10**6, basins_memory(10**8, checkpoint=True) // 10**6
-    (625, 305)
-    """
-    if checkpoint:
-        return 3 * (initial_conditions // 8) + _HELD_BYTES * min(initial_conditions, HELD)
-    return 6 * initial_conditions + 24 * min(initial_conditions, BLOCK)
-
-
-def basins_disk(initial_conditions: int) -> int:
-    """Return the bytes on the disk that a checkpoint needs: twice, for a file is made before the older one goes.
-
-    Examples
-    --------
-    >>> basins_disk(10**8) // 10**6
-    1225
-    """
-    return 2 * (6 * initial_conditions + initial_conditions // 8) + 2**20 // 4

@@ -12,22 +12,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._lib.arrays import Floats
-from .._lib.checks import claim_memory, finite_number, finite_points, whole_number
+from .._lib.checks import finite_number, finite_points, whole_number
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
 from ..attractors.labels import Label
-from ..attractors.search import check_attractors, longest_period
+from ..attractors.search import affordable_period, check_attractors
 from ..maps.coordinates import difference
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, sort_key
 from .initial_conditions import InitialConditions
-from .label_store import InMemory
+from .label_store import label_store
 from .passes import Run, new_numbers
-from .progress import Progress
-from .record import Basins, basins_memory
+from .record import Basins
 from .strides import strided_tiles
+from .sweeps import Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +159,7 @@ def refine_basins(
     point_map: PointMap,
     initial_conditions: CellGrid | ArrayLike,
     max_periods: int = 2000,
-    max_period: int = 32,
+    longest_period: int = 32,
     attractors: Sequence[Attractor] = (),
     stride: int = 8,
     near: ArrayLike | None = None,
@@ -181,7 +181,7 @@ def refine_basins(
     initial_conditions : CellGrid or array_like, shape (..., dimension)
         Grid of cells whose centres are the initial conditions, or the initial conditions themselves, in an array whose
         leading axes are those of the image.
-    max_periods, max_period : int, optional
+    max_periods, longest_period : int, optional
         As in :func:`find_basins`.
     attractors : sequence of Attractor, optional
         Attractors that are known already, with their trapping regions.  With them the first frame does not wait for the
@@ -217,7 +217,7 @@ def refine_basins(
     """
     limit = None if max_seconds is None else finite_number("max_seconds", max_seconds, above=0.0)
     check_attractors(attractors, point_map, "attractors")
-    limits = whole_number("max_periods", max_periods, at_least=1), longest_period(max_period)
+    limits = whole_number("max_periods", max_periods, at_least=1), affordable_period(longest_period)
     places = InitialConditions.of(initial_conditions, point_map)
     return refinement(point_map, places, limits, attractors, stride, near, interval, Stop(limit))
 
@@ -242,13 +242,11 @@ def refinement(
     if stride & (stride - 1):
         raise ValueError(f"stride={stride}: give a power of two")
     often = inf if interval is None else finite_number("interval", interval, at_least=0.0)
-    total = len(places)
-    # A frame has labels and times of its own.
-    claim_memory(f"labels of {total:,} initial conditions", 3 * basins_memory(total), "take fewer initial conditions")
     middle = None if near is None else _place(finite_points("near", near, point_map.dimension), places, point_map)
     order = strided_tiles(places.shape, stride, middle)
-    settings = {"max_periods": limits[0], "max_period": limits[1], "map": dict(point_map.recipe)}
-    run = Run(point_map, places, InMemory(places.shape), *limits, stop=Stop(parent=stop), order=order, first=first)
+    settings = {"max_periods": limits[0], "longest_period": limits[1], "map": dict(point_map.recipe)}
+    store = label_store(point_map, places, settings, copies=3)  # a frame has labels and times of its own
+    run = Run(point_map, places, store, *limits, stop=Stop(parent=stop), order=order, first=first)
     return Refinement(run, _Frames(run, tuple(attractors), settings, often).made())
 
 

@@ -37,6 +37,7 @@ from .._lib.sealed import (
     get_mapping,
     get_number,
     get_numbers,
+    get_settings,
     get_text,
     group_of,
     image_of,
@@ -53,7 +54,8 @@ from ..attractors.labels import LABEL_NAMES
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
-from .record import Basins, basins_memory
+from .label_store import basins_memory
+from .record import Basins
 from .stored_attractors import read_attractors, write_attractors
 
 FORMAT = "cellmap basins"
@@ -334,7 +336,7 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
         name=get_text(file, "system"),
         params={name: float(value) for name, value in get_mapping(file, "params").items()},
         coordinates=coordinates,
-        settings=get_mapping(file, "settings"),
+        settings=get_settings(file, "settings"),
         inaccurate=get_number(file, "inaccurate"),
         undecided=undecided,
         cost=cost,

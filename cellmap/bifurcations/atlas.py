@@ -37,7 +37,7 @@ def attractor_atlas(
     y: tuple[str, ArrayLike],
     initial_conditions: ArrayLike,
     max_periods: int = 400,
-    max_period: int = 8,
+    longest_period: int = 8,
     curves: int = 12,
     checkpoint: str | PathLike[str] | None = None,
     progress: bool = False,
@@ -69,7 +69,7 @@ def attractor_atlas(
         Initial conditions at every parameter point.
     max_periods : int, optional
         Longest orbit.
-    max_period : int, optional
+    longest_period : int, optional
         Longest period of periodic attractors.
     curves : int, optional
         Largest number of bifurcation curves; 0 for none.
@@ -120,7 +120,7 @@ def attractor_atlas(
             f"initial_conditions has shape {states.shape}: give rows in an array of shape (n, {exact.dimension})"
         )
     periods = whole_number("max_periods", max_periods, at_least=1)
-    longest = whole_number("max_period", max_period, at_least=1)
+    longest = whole_number("longest_period", longest_period, at_least=1)
     most = whole_number("curves", curves)
     check_client(client)
     shape = up.size, across.size
@@ -145,7 +145,7 @@ def attractor_atlas(
         belongs = fingerprint(swept, np.column_stack([np.tile(states[:1], (len(values[:64]), 1)), values[:64]]))
         run = {"x": [first, *across.tolist()], "y": [second, *up.tolist()], "initial conditions": states.tolist()}
         tiles = Tiles.of(
-            as_path("checkpoint", checkpoint), belongs | run | {"max_periods": periods, "max_period": longest}
+            as_path("checkpoint", checkpoint), belongs | run | {"max_periods": periods, "longest_period": longest}
         )
         parts = dict(completed(numbers, int, tiles.remembering(lambda number: job(part(number))), None, label))
     found = Attractors.joined(*(parts[k][0].shifted(k * tile) for k in numbers))
@@ -181,7 +181,7 @@ def attractor_atlas(
         explained=float(np.mean(explained)) if explained.size else float("nan"),
         coordinates=exact.coordinates,
         params={key: value for key, value in exact.params.items() if key not in names},
-        settings={"initial_conditions": len(states), "max_periods": periods, "max_period": longest, "curves": most},
+        settings={"initial_conditions": len(states), "max_periods": periods, "longest_period": longest, "curves": most},
     )
 
 

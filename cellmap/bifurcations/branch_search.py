@@ -76,7 +76,7 @@ def find_branches(
     lower: float,
     upper: float,
     region: CellGrid,
-    max_period: int = 1,
+    longest_period: int = 1,
     n_values: int = 9,
     step: float = 0.01,
     max_points: int = 1000,
@@ -99,7 +99,7 @@ def find_branches(
         Interval of parameter values, in its unit.
     region : CellGrid
         Window and cells of the search, as for :func:`find_periodic_orbits`.
-    max_period : int, optional
+    longest_period : int, optional
         Longest period in steps of the map.
     n_values : int, optional
         Number of equally spaced parameter values of the search.
@@ -127,7 +127,10 @@ def find_branches(
     """
     low, high = interval_between(lower, upper)
     known_parameter("parameter", parameter, point_map.params)
-    longest, count = whole_number("max_period", max_period, at_least=1), whole_number("n_values", n_values, at_least=1)
+    longest, count = (
+        whole_number("longest_period", longest_period, at_least=1),
+        whole_number("n_values", n_values, at_least=1),
+    )
     values = low + (high - low) * (np.arange(count) + _OFFSET) / count
     found = _Found(_tolerances(point_map, region), (low, high), longest, step, max_points, progress)
     numbers = np.zeros(count, np.int64)

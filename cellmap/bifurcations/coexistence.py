@@ -42,7 +42,7 @@ class Explorer:
     initial_conditions: Floats
     extent: Floats
     max_periods: int
-    max_period: int
+    longest_period: int
 
     def __call__(self, values: Floats) -> tuple[Attractors, Ints, Ints]:
         """Return attractors at parameter points (n, 2), and the numbers (n,) of escaped and undecided orbits."""
@@ -151,7 +151,7 @@ class _Search:
     def _attractors(self, states: Floats, place: Ints) -> tuple[Attractors, Regions]:
         """Return the attracting periodic orbits beside states (n, d + 2) that are not known, with their regions."""
         job, d = self.job, self.dimension
-        apart = return_distances(job.swept, states, job.max_period, job.extent)
+        apart = return_distances(job.swept, states, job.longest_period, job.extent)
         best = np.argmax(apart * _ALIKE <= apart.min(axis=0), axis=0)
         near = np.flatnonzero(np.take_along_axis(apart, best[None], axis=0)[0] <= _NEAR)
         fresh, _, orbit, matrices = periodic_attractors(job, states[near], place[near], best[near] + 1)

@@ -157,7 +157,7 @@ def bifurcation_diagram(
     follow: str = "both",
     transient: int = 500,
     periods: int = 128,
-    max_period: int = 32,
+    longest_period: int = 32,
     tolerance: float = 1e-6,
     perturbation: ArrayLike = 1e-6,
     exponents: bool = True,
@@ -187,7 +187,7 @@ def bifurcation_diagram(
         Steps of the map that are discarded at each value.
     periods : int, optional
         Steps that are recorded after these, at least 20.
-    max_period : int, optional
+    longest_period : int, optional
         Longest period that is detected, at most half of `periods`.
     tolerance : float, optional
         Distance within which an orbit counts as having returned: for angles in units of their period, for other
@@ -238,11 +238,12 @@ def bifurcation_diagram(
     one_of("follow", follow, tuple(_DIRECTIONS))
     transient = whole_number("transient", transient)
     periods = whole_number("periods", periods)
-    max_period = whole_number("max_period", max_period, at_least=1)
-    fewest = max(_FEWEST, 2 * max_period)
+    longest_period = whole_number("longest_period", longest_period, at_least=1)
+    fewest = max(_FEWEST, 2 * longest_period)
     if periods < fewest:
         raise ValueError(
-            f"periods={periods!r}: give at least {fewest}, twice max_period={max_period!r} and no fewer than {_FEWEST}"
+            f"periods={periods!r}: give at least {fewest}, twice longest_period={longest_period!r} and no fewer than "
+            f"{_FEWEST}"
         )
     tolerance = finite_number("tolerance", tolerance, above=0.0)
     shift = real_array("perturbation", perturbation)
@@ -268,7 +269,7 @@ def bifurcation_diagram(
         recorded.points,
         exact,
         np.maximum(np.abs(initial_conditions).max(axis=0), np.abs(shift)),
-        max_period,
+        longest_period,
         tolerance,
         alive,
     )
@@ -294,7 +295,7 @@ def bifurcation_diagram(
             "follow": follow,
             "transient": transient,
             "periods": periods,
-            "max_period": max_period,
+            "longest_period": longest_period,
             "tolerance": tolerance,
         },
         point_map=exact,
@@ -302,7 +303,7 @@ def bifurcation_diagram(
 
 
 def _periods(
-    points: Floats, exact: PointMap, smallest: Floats, max_period: int, tolerance: float, alive: Bools
+    points: Floats, exact: PointMap, smallest: Floats, longest_period: int, tolerance: float, alive: Bools
 ) -> Ints:
     """Return the numbers of steps after which the second halves of orbits repeat; 0 for none.
 
@@ -316,8 +317,8 @@ def _periods(
     size = np.maximum(np.abs(points[alive]).max(axis=(0, 1)), smallest)
     extent = np.where(turn > 0, turn, np.where(size > 0, size, 1.0))
     half = points.shape[2] // 2
-    last = np.empty((max_period, *alive.shape))
-    for q in range(1, max_period + 1):
+    last = np.empty((longest_period, *alive.shape))
+    for q in range(1, longest_period + 1):
         shift = difference(points[:, :, half:], points[:, :, half - q : -q], exact.coordinates)
         apart = np.abs(shift / extent).max(axis=-1)
         first, last[q - 1] = apart[:, :, :q].max(axis=-1), apart[:, :, -q:].max(axis=-1)

@@ -25,7 +25,7 @@ def script(explored: Explored, view: View, frame: LiveFrame) -> str:
     """
     basins = frame.basins
     digest = hashlib.sha256(basins.labels.tobytes()).hexdigest()
-    settings = {"max_periods": basins.settings["max_periods"], "max_period": basins.settings["max_period"]}
+    settings = {"max_periods": basins.settings["max_periods"], "longest_period": basins.settings["longest_period"]}
     options = ", ".join(f"{name}={value}" for name, value in settings.items())
     seeds = [p for a in basins.attractors for p in a.points[:_SEEDS].tolist()]
     params = ", ".join(f"{name}={value!r}" for name, value in view.params.items())

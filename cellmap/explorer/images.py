@@ -151,7 +151,7 @@ def quality(view: View, frame: LiveFrame) -> dict[str, Any]:
     found: dict[str, Any] = {"map": point_map.recipe["kind"], "tolerance": view.tolerance, "nodes": view.nodes}
     if point_map.table is not None:
         error = point_map.error(_ERROR_SAMPLES)
-        found["fallback"] = float(point_map.table.rough.mean())
+        found["fallback"] = float(point_map.table.fallback.mean())
         found["error"] = {"median": error.median, "percentile_99": error.percentile_99, "largest": error.largest}
     if point_map.without_table.unknown_formulas:
         found["unknown_formulas"] = point_map.without_table.unknown_formulas

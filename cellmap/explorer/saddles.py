@@ -27,7 +27,7 @@ _SPACING = 0.005
 _SECONDS = 20.0  # after which no further manifold is begun
 
 
-def saddles(view: View, frame: LiveFrame, max_period: Any) -> tuple[dict[str, Any], bytes]:
+def saddles(view: View, frame: LiveFrame, longest_period: Any) -> tuple[dict[str, Any], bytes]:
     """Return the saddles with a point in the window, up to a period, and as bytes their stable manifolds.
 
     The bytes are numbers of four bytes, two for each point of a curve, NaN where a curve is interrupted; `lengths` has
@@ -35,7 +35,7 @@ def saddles(view: View, frame: LiveFrame, max_period: Any) -> tuple[dict[str, An
     """
     if len(view.axes) != 2 or len(view.others) != 2:
         raise ValueError("manifolds are curves for maps of two coordinates only: take another system")
-    longest = whole_number("max_period", max_period, at_least=1, at_most=LONGEST_PERIOD)
+    longest = whole_number("longest_period", longest_period, at_least=1, at_most=LONGEST_PERIOD)
     point_map = frame.basins.point_map
     assert point_map is not None
     exact, window = point_map.without_table, view.initial_conditions()

@@ -299,7 +299,7 @@ _QUESTIONS: Mapping[str, Callable[[Images, Mapping[str, Any]], Any]] = {
     "certify": lambda images, asked: certificate(*images.seen()),
     "measures": lambda images, asked: measures(images.seen()[1]),
     "orbit": lambda images, asked: orbit(*images.seen(complete=False), asked.get("point", ())),
-    "saddles": lambda images, asked: saddles(*images.seen(), asked.get("max_period", 1)),
+    "saddles": lambda images, asked: saddles(*images.seen(), asked.get("longest_period", 1)),
     "diagram": lambda images, asked: diagram(*images.seen(), *_range(asked)),
     "stability": lambda images, asked: stability(*images.seen(), asked.get("x"), asked.get("y")),
     "script": lambda images, asked: {"text": downloads.script(images.explored, *images.seen())},

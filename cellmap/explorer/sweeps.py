@@ -37,7 +37,7 @@ def diagram(view: View, frame: LiveFrame, parameter: Any, lower: Any, upper: Any
             continue  # the present value lies outside of the range
         values = np.sort(np.linspace(now, end, _VALUES))
         found = bifurcation_diagram(
-            point_map, name, values, points_now, follow, _TRANSIENT, _RECORDED, max_period=16, exponents=False
+            point_map, name, values, points_now, follow, _TRANSIENT, _RECORDED, longest_period=16, exponents=False
         )
         sides.append((values, found.points))
     if not sides:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.arrays import Bools, Floats
+from .._lib.checks import warn_caller
 from .grid import CellGrid
 
 
@@ -27,7 +28,7 @@ class CellTable:
         Estimate of the largest interpolation error in each cell, in cell widths (largest over the components): its
         leading terms along the axes, and by how much these miss the error that is measured at the centre.  Infinite
         where the centre has no exact image.
-    rough : ndarray of bool, shape of the grid
+    fallback : ndarray of bool, shape of the grid
         Fallback cells, which are evaluated with the exact map.
     """
 
@@ -35,15 +36,21 @@ class CellTable:
     order: int
     coefficients: Floats
     indicator: NDArray[np.float32]
-    rough: Bools
+    fallback: Bools
 
     @classmethod
     def unexamined(cls, grid: CellGrid, order: int, coefficients: Floats) -> CellTable:
         """Return a table whose errors are not known yet."""
         return cls(grid, order, coefficients, np.zeros(0, np.float32), np.zeros((0,) * grid.dimension, bool))
 
+    @property
+    def rough(self) -> Bools:
+        """Fallback cells, by the name that they had in cellmap 0.1."""
+        warn_caller("CellTable.rough is called fallback since cellmap 0.2", DeprecationWarning)
+        return self.fallback
+
     def __repr__(self) -> str:
-        fraction = 100.0 * float(self.rough.mean())
+        fraction = 100.0 * float(self.fallback.mean())
         return f"CellTable(order {self.order}, {self.grid}; {fraction:.3g} % fallback cells)"
 
 

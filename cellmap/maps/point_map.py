@@ -271,8 +271,8 @@ class PointMap(ShownAsHtml):
         n_samples = whole_number("n_samples", n_samples, at_least=1)
         grid = self.table.grid
         places = random_numbers(rng).uniform(grid.lower, grid.upper, (n_samples, self.dimension))
-        rough = self.table.rough.ravel()[grid.locate(places)]
-        fallback, places = int(rough.sum()), places[~rough]
+        exact = self.table.fallback.ravel()[grid.locate(places)]
+        fallback, places = int(exact.sum()), places[~exact]
         shift = difference(self.iterate(places, 1).points, self.exact.iterate(places, 1).points, self.coordinates)
         errors = np.abs(shift).max(axis=-1)
         errors = errors[np.isfinite(errors)]

@@ -105,7 +105,7 @@ def _away(point_map: PointMap, points: Floats, guess: Floats, extent: Floats) ->
 
 @checked
 def find_periodic_orbits(
-    point_map: PointMap, region: CellGrid, max_period: int = 1, progress: bool = False
+    point_map: PointMap, region: CellGrid, longest_period: int = 1, progress: bool = False
 ) -> tuple[PeriodicOrbit, ...]:
     """Find the periodic orbits with a point in a window, stable and unstable.
 
@@ -120,7 +120,7 @@ def find_periodic_orbits(
         The map; an interpolated map makes the search faster, and orbits are still those of its exact map.
     region : CellGrid
         Cells; an orbit counts if one of its points is inside the window.
-    max_period : int, optional
+    longest_period : int, optional
         Longest period.
     progress : bool, optional
         Show progress on a terminal.
@@ -141,14 +141,14 @@ def find_periodic_orbits(
     --------
     >>> from cellmap import CellGrid, discrete_map
     >>> henon = discrete_map(lambda x, p: (1 - p.a * x[0]**2 + x[1], p.b * x[0]), {"a": 1.4, "b": 0.3}, ("x", "y"))
-    >>> for orbit in find_periodic_orbits(henon, CellGrid((-2, -1), (2, 1), (40, 40)), max_period=2):
+    >>> for orbit in find_periodic_orbits(henon, CellGrid((-2, -1), (2, 1), (40, 40)), longest_period=2):
     ...     print(orbit)
     PeriodicOrbit(saddle, period 1, at (-1.13135, -0.339406), |multiplier| 3.26)
     PeriodicOrbit(flip saddle, period 1, at (0.631354, 0.189406), |multiplier| 1.924)
     PeriodicOrbit(flip saddle, period 2, at (0.9758, -0.14274), |multiplier| 3.01)
     """
     grid = region.on(point_map.coordinates, "region")
-    longest = whole_number("max_period", max_period, at_least=1)
+    longest = whole_number("longest_period", longest_period, at_least=1)
     d = grid.dimension
     claim_memory(f"images of {grid}", 8 * grid.size * d * (d + 6), "take fewer cells")
     centres = grid_points([grid.axis(j) for j in range(d)], np.arange(grid.size))

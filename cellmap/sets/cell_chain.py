@@ -160,7 +160,7 @@ class CellChain:
         self,
         refine: bool | None = None,
         max_periods: int = 2000,
-        max_period: int = 32,
+        longest_period: int = 32,
         attractors: Sequence[Attractor] = (),
     ) -> tuple[tuple[Attractor, ...], Floats]:
         """Compute the attractors and the probability with which each cell converges to each of them.
@@ -171,7 +171,7 @@ class CellChain:
             Iterate the exact map from each closed class and label the class with the attractor that is found, so that
             classes of one attractor are merged.  Otherwise classes are attractors, and adjacent classes are merged;
             this is the default with noise.
-        max_periods, max_period, attractors : optional
+        max_periods, longest_period, attractors : optional
             As in :func:`find_basins`, for these iterations.
 
         Returns
@@ -192,7 +192,7 @@ class CellChain:
         if refine is None:
             refine = not self.noisy
         if refine:
-            limits = {"max_periods": max_periods, "max_period": max_period, "attractors": attractors}
+            limits = {"max_periods": max_periods, "longest_period": longest_period, "attractors": attractors}
             found, labels = refined_sets(self.point_map, self.grid, cells, owners, limits)
         else:
             weights = np.concatenate([np.empty(0), *self.measures])
@@ -209,14 +209,14 @@ class CellChain:
         refine: bool | None = None,
         min_probability: float = 0.0,
         max_periods: int = 2000,
-        max_period: int = 32,
+        longest_period: int = 32,
         attractors: Sequence[Attractor] = (),
     ) -> Basins:
         """Return basins in which each cell has the label of its most probable attractor.
 
         Parameters
         ----------
-        refine, max_periods, max_period, attractors : optional
+        refine, max_periods, longest_period, attractors : optional
             As in :meth:`probabilities`.
         min_probability : float, optional
             Smallest probability; cells whose largest probability is below it are undecided.
@@ -228,14 +228,14 @@ class CellChain:
         """
         min_probability = finite_number("min_probability", min_probability, at_least=0.0, at_most=1.0)
         began = time.perf_counter()
-        found, chances = self.probabilities(refine, max_periods, max_period, attractors)
+        found, chances = self.probabilities(refine, max_periods, longest_period, attractors)
         columns = chances.shape[-1]
         chances = chances.reshape(-1, columns)
         labels = chances.argmax(axis=1)
         likely = np.take_along_axis(chances, labels[:, None], axis=1)[:, 0]
         labels = np.where(labels < len(found), labels, labels - columns)
         verifiable = not self.noisy and refine is not False
-        settings = {"max_periods": max_periods, "max_period": max_period, "method": "generalized cell mapping"}
+        settings = {"max_periods": max_periods, "longest_period": longest_period, "method": "generalized cell mapping"}
         return basins_from_cells(
             self.point_map if verifiable else None,
             self.grid,

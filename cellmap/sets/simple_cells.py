@@ -88,7 +88,11 @@ class CellMapping:
 
     @checked
     def basins(
-        self, refine: bool = True, max_periods: int = 2000, max_period: int = 32, attractors: Sequence[Attractor] = ()
+        self,
+        refine: bool = True,
+        max_periods: int = 2000,
+        longest_period: int = 32,
+        attractors: Sequence[Attractor] = (),
     ) -> Basins:
         """Return the basins of attraction of this mapping.
 
@@ -100,7 +104,7 @@ class CellMapping:
             groups are merged, and so are those that are connected in both directions by perturbations of one cell.
             Groups whose orbits converge to another one without rounding to centres are spurious.  A quasi-periodic
             attractor is listed as periodic.
-        max_periods, max_period, attractors : optional
+        max_periods, longest_period, attractors : optional
             As in :func:`find_basins`, for these iterations.
 
         Returns
@@ -110,7 +114,7 @@ class CellMapping:
             no multipliers and no neighbourhoods, and basins no map with which they could be verified.
         """
         began = time.perf_counter()
-        limits = {"max_periods": max_periods, "max_period": max_period}
+        limits = {"max_periods": max_periods, "longest_period": longest_period}
         cells = self.periodic_cells
         owners = self.groups.ravel()[cells].astype(np.int64)
         if refine:

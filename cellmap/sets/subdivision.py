@@ -54,7 +54,7 @@ def find_attractors_by_subdivision(
     samples: Samples = "adaptive",
     periods: int = 1,
     max_periods: int = 2000,
-    max_period: int = 32,
+    longest_period: int = 32,
     max_initial_conditions: int = 4096,
 ) -> SubdivisionSearch:
     """Find the attractors in a window from a covering of its recurrent sets by boxes.
@@ -76,7 +76,7 @@ def find_attractors_by_subdivision(
         Sample points in a box, as for :func:`box_image`.
     periods : int, optional
         Number of iterates of the map that are taken as one step of the boxes.
-    max_periods, max_period : int, optional
+    max_periods, longest_period : int, optional
         Longest orbit, and longest period of an attractor, as for :func:`find_attractors`.
     max_initial_conditions : int, optional
         Largest number of initial conditions in a Morse set, evenly distributed over its boxes.
@@ -104,7 +104,7 @@ def find_attractors_by_subdivision(
     if not graph.sets:
         return SubdivisionSearch((), graph, ())
     initial_conditions = np.concatenate([_spread(boxes, most) for boxes in graph.sets])
-    attractors = find_attractors(point_map, initial_conditions, max_periods, max_period)
+    attractors = find_attractors(point_map, initial_conditions, max_periods, longest_period)
     holders = tuple(
         tuple(k for k, a in enumerate(attractors) if boxes.contains(a.points).any()) for boxes in graph.sets
     )

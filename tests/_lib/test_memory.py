@@ -25,7 +25,7 @@ from cellmap.analysis.fractal import (
 from cellmap.analysis.resilience import basin_stability, minimal_fatal_shock
 from cellmap.basins import continue_basins
 from cellmap.basins.initial_conditions import InitialConditions
-from cellmap.basins.record import basins_memory
+from cellmap.basins.label_store import basins_memory
 from cellmap.maps.grid import grid_points
 from cellmap.maps.interpolation.interpolated import table_memory
 from cellmap.orbits import zero_one_test_of_series
@@ -163,10 +163,10 @@ COUNTS: dict[str, Callable[[Any, int], Any]] = {
     "transient=": lambda basins, many: chaotic_saddle(tent(), TENT, transient=many),
     "discs=": lambda basins, many: fractal_boundary_test(np.arange(900).reshape(30, 30) > 400, n_discs=many),
     "audit=": lambda basins, many: certify(interpolated(), audit=many),
-    "max_period=": lambda basins, many: find_basins(cubic(), WINDOW, max_period=many),
-    "max_period= of attractors": lambda basins, many: find_attractors(cubic(), [[0.5]], max_period=many),
-    "max_period= of a continuation": lambda basins, many: continue_basins(
-        slope(), "r", [1.4, 1.5], WINDOW, max_period=many
+    "longest_period=": lambda basins, many: find_basins(cubic(), WINDOW, longest_period=many),
+    "longest_period= of attractors": lambda basins, many: find_attractors(cubic(), [[0.5]], longest_period=many),
+    "longest_period= of a continuation": lambda basins, many: continue_basins(
+        slope(), "r", [1.4, 1.5], WINDOW, longest_period=many
     ),
     "offsets=": lambda basins, many: box_dimension(np.random.default_rng(0).random((200, 2)), n_offsets=many),
     "offsets= of a boundary": lambda basins, many: boundary_dimension(

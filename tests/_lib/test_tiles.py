@@ -155,7 +155,7 @@ def test_iterates_from_a_cluster(client):
 def test_table_from_a_cluster(client):
     grid = CellGrid((-pi, -3.0), (pi, 3.0), (150, 150))
     ours, theirs = interpolated_map(lambda_map(), grid, client=client), interpolated_map(lambda_map(), grid)
-    for name in ("coefficients", "indicator", "rough"):
+    for name in ("coefficients", "indicator", "fallback"):
         assert getattr(ours.table, name).tobytes() == getattr(theirs.table, name).tobytes()
 
 

@@ -97,7 +97,7 @@ SUPERSTABLE = {
 def test_no_chaos_where_orbits_come_to_rest(period: int, a: float) -> None:
     """Of 300 orbits some rest by the end on the superstable cycle, and others wander for up to 300,000 steps."""
     point_map = LOGISTIC.with_params(a=a)
-    basins = find_basins(point_map, CellGrid((0.001,), (0.999,), (300,)), max_period=40)
+    basins = find_basins(point_map, CellGrid((0.001,), (0.999,), (300,)), longest_period=40)
     (cycle,) = basins.attractors
     assert cycle.kind is Kind.PERIODIC and cycle.period == period
     assert np.abs(cycle.points - 0.5).min() < 1e-7

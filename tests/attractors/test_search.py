@@ -72,8 +72,8 @@ def test_period_is_that_of_a_plain_iteration(r, period):
 
 @pytest.mark.parametrize(("r", "period"), [(3.5, 4), (3.56, 8), (3.84, 3), (3.6276, 6)])
 def test_longer_cycles_than_those_tried_first_are_found(r, period):
-    """Periods beyond max_period are tried when orbits have not settled."""
-    (attractor,) = find_attractors(logistic(r), LINE, max_periods=600, max_period=2)
+    """Periods beyond longest_period are tried when orbits have not settled."""
+    (attractor,) = find_attractors(logistic(r), LINE, max_periods=600, longest_period=2)
     assert attractor.period == period
 
 
@@ -239,8 +239,8 @@ def test_orbits_at_rest_on_a_new_attractor_are_on_no_sticking_set(monkeypatch):
         ([["x"]], {}, TypeError, "real numbers"),
         ([[0.1]], {"max_periods": 0}, ValueError, "max_periods=0"),
         ([[0.1]], {"max_periods": 10.5}, TypeError, "max_periods=10.5"),
-        ([[0.1]], {"max_period": 0}, ValueError, "max_period=0"),
-        ([[0.1]], {"max_period": True}, TypeError, "max_period=True"),
+        ([[0.1]], {"longest_period": 0}, ValueError, "longest_period=0"),
+        ([[0.1]], {"longest_period": True}, TypeError, "longest_period=True"),
         (np.empty((0, 1)), {}, ValueError, "initial_conditions"),
     ],
 )

@@ -24,7 +24,7 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap.attractors.labels import Label
-from cellmap.basins.record import basins_memory
+from cellmap.basins.label_store import basins_memory
 from cellmap.maps import ToleranceWarning
 from cellmap.maps.coordinates import difference
 from cellmap.orbits import Kind
@@ -110,9 +110,9 @@ def test_single_initial_condition():
 
 def test_record_says_how_it_was_made():
     icm = interpolated_map(stroboscopic_map(systems.driven_pendulum()), circle_grid(100.0, 64))
-    basins = find_basins(icm, circle_grid(100.0, 10), max_periods=700, max_period=16)
+    basins = find_basins(icm, circle_grid(100.0, 10), max_periods=700, longest_period=16)
     assert basins.settings["max_periods"] == 700
-    assert basins.settings["max_period"] == 16
+    assert basins.settings["longest_period"] == 16
     assert basins.settings["map"] == icm.recipe
     assert basins.point_map is icm
     assert (basins.name, basins.coordinates, basins.params) == (icm.name, icm.coordinates, icm.params)
@@ -283,8 +283,8 @@ STROBE = stroboscopic_map(systems.driven_pendulum())
         ((STROBE, [[0.0, 0.0]], 0), ValueError, "max_periods=0"),
         ((STROBE, [[0.0, 0.0]], -5), ValueError, "max_periods=-5"),
         ((STROBE, [[0.0, 0.0]], 1e3), TypeError, "max_periods=1000.0: give a whole number"),
-        ((STROBE, [[0.0, 0.0]], 10, 0), ValueError, "max_period=0"),
-        ((STROBE, [[0.0, 0.0]], 10, "all"), TypeError, "max_period='all'"),
+        ((STROBE, [[0.0, 0.0]], 10, 0), ValueError, "longest_period=0"),
+        ((STROBE, [[0.0, 0.0]], 10, "all"), TypeError, "longest_period='all'"),
         ((STROBE, [[0.0, 0.0]], 10, 4, "hanging"), TypeError, "attractors"),
         ((STROBE, [[0.0, 0.0]], 10, 4, [np.zeros(2)]), TypeError, "attractors"),
     ],

@@ -321,6 +321,6 @@ def test_labels_that_the_audit_finds_wrong_are_reported():
     exact = stroboscopic_map(two_well_duffing())
     icm = interpolated_map(exact, CellGrid((-2.5, -2.5), (2.5, 2.5), (48, 48)), tolerance=1e3)
     basins = find_basins(icm, CellGrid((-2, -2), (2, 2), (60, 60)))
-    none = replace(icm.table, indicator=np.zeros_like(icm.table.indicator), rough=np.zeros_like(icm.table.rough))
+    none = replace(icm.table, indicator=np.zeros_like(icm.table.indicator), fallback=np.zeros_like(icm.table.fallback))
     with pytest.warns(UserWarning, match="labels that were kept are wrong"):
         certify(replace(basins, point_map=replace(icm, table=none)))

@@ -291,7 +291,7 @@ def test_result_to_resume_has_to_fit(tilted_sweep, change, message):
         ({"initial_conditions": [0.1, 0.2]}, "initial_conditions has shape"),
         ({"initial_conditions": CellGrid((0, 0), (1, 1), (2, 2))}, "initial_conditions has 2 axes"),
         ({"max_periods": 0}, "max_periods=0"),
-        ({"max_period": 0}, "max_period=0"),
+        ({"longest_period": 0}, "longest_period=0"),
         ({"threshold": 0.0}, "threshold=0.0"),
         ({"initial_conditions": CellGrid((-2.0,), (2.0,), (10**13,))}, "take fewer initial conditions"),
     ],

@@ -153,7 +153,7 @@ def test_attractors_are_sought_from_some_four_thousand_cells():
 def test_basins_are_recomputed_from_a_file(given, by_table, tmp_path):
     window = CellGrid((-2.0, -1.0), (2.0, 1.0), (32, 16))
     point_map = interpolated_map(WELLS, window) if by_table else WELLS
-    first = find_basins(point_map, given, max_periods=77, max_period=3)
+    first = find_basins(point_map, given, max_periods=77, longest_period=3)
     again = recompute_basins(load_basins(save_basins(first, tmp_path / "first.h5")), WELLS)
     assert np.array_equal(again.labels, first.labels) and np.array_equal(again.settling_time, first.settling_time)
     assert dict(again.settings) == dict(first.settings)

@@ -28,10 +28,9 @@ from cellmap.basins.certification.certificate import Evidence
 from cellmap.basins.continuation import _outermost, _seeds
 from cellmap.basins.doubts import UnsettledWarning
 from cellmap.basins.initial_conditions import InitialConditions, Rows
-from cellmap.basins.label_store import InMemory, LabelStore
+from cellmap.basins.label_store import InMemory, LabelStore, basins_memory
 from cellmap.basins.planning.extrapolation import slower
 from cellmap.basins.planning.measurements import Labelling, TableProbe
-from cellmap.basins.record import basins_memory
 from cellmap.maps.interpolation.interpolated import table_memory
 
 CREEPS = discrete_map(lambda x, p: (x[0] - x[0] ** 3,), {}, ("x",))
@@ -179,7 +178,7 @@ def test_attractors_are_sought_on_and_beside_where_they_were():
     assert np.abs(places[:, 0]).max() <= pi
 
 
-@pytest.mark.parametrize("name", ["max_periods", "max_period"])
+@pytest.mark.parametrize("name", ["max_periods", "longest_period"])
 def test_searches_have_the_same_limits_everywhere(name):
     """An image, a continuation, a refinement and a search of attractors alone are compared with one another."""
     functions = (find_basins, continue_basins, refine_basins, find_attractors)

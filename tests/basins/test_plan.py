@@ -283,9 +283,9 @@ def test_the_way_up_and_down(planned):
 
 
 def test_an_image_by_plan(planned):
-    basins = planned.basins(max_period=16)
+    basins = planned.basins(longest_period=16)
     assert basins.labels.shape == planned.job.grid.shape
-    assert basins.settings["max_period"] == 16
+    assert basins.settings["longest_period"] == 16
     outcome = planned.outcome(basins)
     assert outcome.seconds == pytest.approx(basins.cost.seconds + basins.point_map.cost.seconds)
     assert outcome.predicted_seconds == planned.seconds

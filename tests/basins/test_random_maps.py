@@ -112,7 +112,7 @@ def errors_and_bounds(rng: np.random.Generator, made: dict, order: int, toleranc
     errors = (np.abs(ours - theirs) / grid.widths).max(axis=(0, -1)).ravel()
     bounds = TableErrors.of(icm, 4.0, False).errors
     rounding = 1e-13 * max(1.0, np.abs(theirs).max()) / grid.widths.min()
-    kept = ~icm.table.rough.ravel() & (errors > rounding)
+    kept = ~icm.table.fallback.ravel() & (errors > rounding)
     return float((errors / bounds)[kept].max()) if kept.any() else 0.0
 
 

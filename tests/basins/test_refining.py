@@ -33,9 +33,9 @@ from cellmap.attractors.labels import Label
 from cellmap.attractors.settling import Settled
 from cellmap.basins import refine_basins
 from cellmap.basins.initial_conditions import InitialConditions
-from cellmap.basins.label_tiles import Batch, Labelling
 from cellmap.basins.refining import refinement
 from cellmap.basins.strides import strided_tiles
+from cellmap.basins.sweeps import Batch, Labelling
 
 
 def forced(t, x, p):

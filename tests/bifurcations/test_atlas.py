@@ -182,7 +182,7 @@ def test_an_interrupted_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         ({"y": ("r", [0.0, 1.0])}, "y has the parameter 'r' of x"),
         ({"x": ("r", [1.0, 0.0])}, "give at least 2 values in increasing order"),
         ({"initial_conditions": [0.3]}, "give rows"),
-        ({"max_period": 0}, "max_period=0"),
+        ({"longest_period": 0}, "longest_period=0"),
     ],
 )
 def test_bad_arguments(changes: dict[str, Any], message: str) -> None:

@@ -46,7 +46,7 @@ def test_an_isola_between_two_values_is_missed() -> None:
 def test_branches_of_the_logistic_map_are_found_once() -> None:
     """The fixed points 0 and 1 - 1/mu, in parts up to 1 and from 1 on, and the doubled orbits from 3 and 1 + sqrt 6."""
     region = CellGrid((-0.21,), (1.2,), (300,))
-    found = find_branches(logistic_map(2.8), "mu", 0.5, 3.5, region, max_period=4)
+    found = find_branches(logistic_map(2.8), "mu", 0.5, 3.5, region, longest_period=4)
     assert sorted(b.period for b in found.branches) == [1, 1, 1, 2, 4]
     assert found.connected.tolist() == [False, True, True, True, True]
     born = [b.values.min() for b in found.branches if b.period > 1]
@@ -71,7 +71,7 @@ def test_subharmonic_isolas_of_the_duffing_oscillator() -> None:
     """Two of period 2, mirror images shifted by half a period, and a branch of period 3, none connected to others."""
     exact = stroboscopic_map(duffing_oscillator(damping=0.05, forcing=3.0))
     window = CellGrid((-5.0, -10.0), (5.0, 10.0), (30, 30))
-    found = find_branches(exact, "frequency", 2.5, 4.0, window, max_period=3, n_values=2, step=0.05)
+    found = find_branches(exact, "frequency", 2.5, 4.0, window, longest_period=3, n_values=2, step=0.05)
     one, other = found.isolas
     assert one.period == other.period == 2
     for k in (0, 1):

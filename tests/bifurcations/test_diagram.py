@@ -286,7 +286,7 @@ def test_batches_do_not_mix():
         ({"follow": "sideways"}, "follow='sideways'"),
         ({"transient": -1}, "transient=-1"),
         ({"periods": 19}, "periods=19"),
-        ({"max_period": 65}, "max_period=65"),
+        ({"longest_period": 65}, "longest_period=65"),
         ({"tolerance": 0.0}, "tolerance=0.0"),
         ({"perturbation": np.inf}, "perturbation"),
         ({"perturbation": [1e-6, 1e-6]}, "perturbation"),

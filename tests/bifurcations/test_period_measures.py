@@ -141,7 +141,7 @@ def test_chaotic_motion_dissipates_what_the_force_gives_it() -> None:
     wells = duffing_oscillator(damping=0.2, linear=-1.0, forcing=0.3, frequency=1.0)
     exact = stroboscopic_map(wells, rtol=1e-11, atol=1e-11)
     diagram = bifurcation_diagram(
-        exact, "forcing", [0.3], [0.1, 0.2], "none", periods=40, max_period=9, exponents=False
+        exact, "forcing", [0.3], [0.1, 0.2], "none", periods=40, longest_period=9, exponents=False
     )
     assert diagram.period[0, 0] == 0
     lost, given = (

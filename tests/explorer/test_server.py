@@ -236,7 +236,7 @@ def test_stability_over_two_parameters(page: Page) -> None:
 def test_the_boundary_is_the_stable_manifold_of_the_saddle(page: Page) -> None:
     """The origin: its multipliers are the roots of z^2 - 1.8 z + 0.6.  Pixels around each point of the curve differ."""
     _, numbers = page.image(cells=[300, 300])
-    found = page.ask("saddles", max_period=1)
+    found = page.ask("saddles", longest_period=1)
     (saddle,) = found["saddles"]
     assert np.abs(saddle["points"]).max() < 1e-9
     assert saddle["multipliers"] == pytest.approx([0.9 + np.sqrt(0.21), 0.9 - np.sqrt(0.21)])
@@ -247,7 +247,7 @@ def test_the_boundary_is_the_stable_manifold_of_the_saddle(page: Page) -> None:
     assert inside.sum() > 300
     for i, j in zip(columns[inside].astype(int), 299 - rows[inside].astype(int), strict=True):
         assert len(np.unique(numbers[j - 1 : j + 2, i - 1 : i + 2])) == 2
-    assert "max_period=9" in page.ask("saddles", max_period=9)["message"]
+    assert "longest_period=9" in page.ask("saddles", longest_period=9)["message"]
     page.ask("system", name="line")
     page.image(cells=[80])
     assert "two coordinates only" in page.ask("saddles")["message"]

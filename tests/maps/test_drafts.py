@@ -40,7 +40,7 @@ def test_an_examined_draft_is_the_map_itself(rhs, max_step: int) -> None:
         assert one.table.coefficients.tobytes() == whole.table.coefficients.tobytes()
     assert draft.cost.evaluations < made.cost.evaluations == whole.cost.evaluations
     assert made.table.indicator.tobytes() == whole.table.indicator.tobytes()
-    assert np.array_equal(made.table.rough, whole.table.rough)
-    assert not (draft.table.rough & ~whole.table.rough).any()
+    assert np.array_equal(made.table.fallback, whole.table.fallback)
+    assert not (draft.table.fallback & ~whole.table.fallback).any()
     points = np.random.default_rng(0).uniform(-1.9, 1.9, (500, 2))
     assert made.iterate(points, 9).points.tobytes() == whole.iterate(points, 9).points.tobytes()

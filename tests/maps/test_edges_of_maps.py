@@ -116,7 +116,7 @@ def test_the_cells_around_those_that_orbits_leave_are_left_to_the_exact_map():
     single = interpolated_map(stretch, grid, 1, outside="escape").table
     doubled = table_making.doubled_table(stretch, [single], "escape", np.full(2, np.inf), False)
     x = grid.axis(0)
-    edge = np.flatnonzero(~doubled.rough[:, 1])
+    edge = np.flatnonzero(~doubled.fallback[:, 1])
     # Corners beyond 1/2 leave before the second period; cells that touch these, and their neighbours, are spoilt.
     inside = np.abs(x) + 1.5 / 16 <= 0.5 + 1e-12
     assert np.array_equal(edge, np.flatnonzero(inside))

@@ -34,7 +34,9 @@ def test_fallback_cells_are_found_and_evaluated_with_the_exact_map(name, order, 
     assert errors_at(icm, places).max() < 3 * tolerance
     cells = icm.table.grid.locate(np.array(STEPS[name])[:, None])
     if not (name == "kink" and order == 1 and tolerance == 1e-3):  # there a straight line is good enough
-        assert (icm.table.rough[cells] | icm.table.rough[cells - 1]).all()  # a jump at a node is in the cell below
+        assert (
+            icm.table.fallback[cells] | icm.table.fallback[cells - 1]
+        ).all()  # a jump at a node is in the cell below
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -42,7 +44,7 @@ def test_smooth_cells_far_from_a_jump_stay_in_the_table(order):
     exact = discrete_map(NONSMOOTH["jump"], {}, ("x",))
     icm = interpolated_map(exact, CellGrid((-1.0,), (1.0,), (400,)), order, tolerance=1e-6)
     distance = np.abs(icm.table.grid.axis(0)[:, None] - STEPS["jump"]).min(axis=1) / icm.table.grid.widths[0]
-    assert not icm.table.rough[distance > 20].any()
+    assert not icm.table.fallback[distance > 20].any()
 
 
 def test_jump_along_a_circle_in_the_plane():
@@ -120,9 +122,9 @@ def test_errors_that_cancel_at_the_centres_count(order, name, error):
 def test_default_tolerance_is_a_fraction_of_a_cell(order, cells, fraction):
     grid = CellGrid((-pi,), (pi,), (cells,))
     lax, default = (interpolated_map(exact_map("circle"), grid, order, tolerance=t) for t in (COARSE, None))
-    assert not lax.table.rough.any()
-    assert np.array_equal(default.table.rough, lax.table.indicator > fraction)
-    assert 0 < default.table.rough.mean() < 1
+    assert not lax.table.fallback.any()
+    assert np.array_equal(default.table.fallback, lax.table.indicator > fraction)
+    assert 0 < default.table.fallback.mean() < 1
 
 
 def test_warns_where_most_cells_are_fallback_cells():

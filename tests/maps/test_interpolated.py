@@ -51,7 +51,7 @@ def test_four_dimensional_table_is_accurate():
     """Order 5 on 20 x 20 x 2 x 2 cells: (h^6 / 720) max |f''''''| of the sines, with h = pi/10, is 3e-7."""
     icm = interpolated("coupled standard maps", (20, 20, 2, 2))
     assert icm.error(4000).largest < 3e-7
-    assert not icm.table.rough.any()
+    assert not icm.table.fallback.any()
 
 
 # --- ends and branch cuts

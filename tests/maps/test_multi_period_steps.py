@@ -54,7 +54,7 @@ def test_the_map_of_one_period_is_the_same_with_multi_period_steps(multiple, sin
     assert np.array_equal(multiple.iterate(PLACES, 1).points, single.iterate(PLACES, 1).points)
     assert np.array_equal(multiple.orbit(PLACES[:50], 6).points, single.orbit(PLACES[:50], 6).points)
     assert np.array_equal(multiple.table.coefficients, single.table.coefficients)
-    assert np.array_equal(multiple.table.rough, single.table.rough)
+    assert np.array_equal(multiple.table.fallback, single.table.fallback)
 
 
 def test_multi_period_steps_agree_with_the_exact_map_to_the_tolerance(pendulum):

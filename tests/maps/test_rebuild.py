@@ -63,7 +63,7 @@ def test_map_from_its_recipe_has_the_same_bits(name):
     assert json.loads(json.dumps(again.recipe)) == recipe
     if original.table is not None:
         assert np.array_equal(again.table.coefficients, original.table.coefficients)
-        assert np.array_equal(again.table.rough, original.table.rough)
+        assert np.array_equal(again.table.fallback, original.table.fallback)
 
 
 @pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
@@ -73,7 +73,7 @@ def test_stored_basins_and_their_system_give_the_same_labels_again(name, initial
     source, make = MAPS[name]
     window = WINDOW if source is PENDULUM else CellGrid((-2.0, -2.0), (2.0, 2.0), (48, 40))
     basins = find_basins(
-        make(), window if initial_conditions == "grid" else window.centres()[::3], max_periods=1500, max_period=8
+        make(), window if initial_conditions == "grid" else window.centres()[::3], max_periods=1500, longest_period=8
     )
     stored = load_basins(save_basins(basins, tmp_path / "b.h5"))
     again = recompute_basins(stored, source)
@@ -82,7 +82,7 @@ def test_stored_basins_and_their_system_give_the_same_labels_again(name, initial
     assert [a.name for a in again.attractors] == [a.name for a in stored.attractors]
     assert all(np.array_equal(a.points, b.points) for a, b in zip(again.attractors, stored.attractors, strict=True))
     assert again.point_map is not None
-    assert (again.settings["max_periods"], again.settings["max_period"]) == (1500, 8)
+    assert (again.settings["max_periods"], again.settings["longest_period"]) == (1500, 8)
 
 
 def test_rebuilt_map_verifies_stored_basins(tmp_path):

@@ -35,7 +35,7 @@ WINDOW = CellGrid((-pi, -500.0), (pi, 500.0), (120, 120))
 def test_all_cycles_of_the_henon_map() -> None:
     # Biham, Wenzel, Physical Review Letters 63 (1989) 819: numbers of cycles; the saddle off the attractor besides.
     known = {1: 2, 2: 1, 4: 1, 6: 2, 7: 4, 8: 7, 9: 6, 10: 10}
-    orbits = find_periodic_orbits(henon_map(), CellGrid((-2, -1), (2, 1), (100, 100)), max_period=10)
+    orbits = find_periodic_orbits(henon_map(), CellGrid((-2, -1), (2, 1), (100, 100)), longest_period=10)
     assert Counter(o.period for o in orbits) == known
     for orbit in orbits:
         rounding = 1e-14 * np.linalg.norm(orbit.matrix) ** 2
@@ -64,7 +64,7 @@ def test_orbits_of_the_driven_pendulum(pendulum: PointMap) -> None:
 
 
 def test_mirror_images_are_found_in_pairs(pendulum: PointMap) -> None:
-    orbits = find_periodic_orbits(pendulum.with_params(amplitude=0.010), WINDOW, max_period=3)
+    orbits = find_periodic_orbits(pendulum.with_params(amplitude=0.010), WINDOW, longest_period=3)
     points = np.concatenate([o.points for o in orbits])
     mirrored = -points
     for point in mirrored:
@@ -166,7 +166,7 @@ def test_where_derivatives_are_not_known() -> None:
         (lambda m: find_periodic_orbits("map", WINDOW), TypeError, "point_map='map'"),
         (lambda m: find_periodic_orbits(m, [0.0, 1.0]), TypeError, "region="),
         (lambda m: find_periodic_orbits(m, CellGrid((0,), (1,), (3,))), ValueError, "1 axes"),
-        (lambda m: find_periodic_orbits(m, WINDOW, max_period=1.5), TypeError, "max_period=1.5"),
+        (lambda m: find_periodic_orbits(m, WINDOW, longest_period=1.5), TypeError, "longest_period=1.5"),
     ],
 )
 def test_bad_input_is_refused(pendulum: PointMap, call: Any, error: type[Exception], message: str) -> None:
@@ -185,7 +185,7 @@ def test_orbits_of_long_periods_of_full_parabolas(step: Any, window: tuple[float
     # Both maps are conjugate to the tent map of slope 2: the number of orbits of period n is that of binary Lyndon
     # words, and every multiplier is 2^n but that of the fixed point at the end of the interval, 4.
     parabola = discrete_map(step, {}, ("x",))
-    found = find_periodic_orbits(parabola, CellGrid((window[0],), (window[1],), (20_000,)), max_period=11)
+    found = find_periodic_orbits(parabola, CellGrid((window[0],), (window[1],), (20_000,)), longest_period=11)
     assert Counter(o.period for o in found) == dict(
         zip(range(1, 12), (2, 1, 2, 3, 6, 9, 18, 30, 56, 99, 186), strict=True)
     )
@@ -197,7 +197,7 @@ def test_orbits_of_long_periods_of_full_parabolas(step: Any, window: tuple[float
 def test_each_orbit_of_a_horseshoe_is_found_once(a: float, b: float, extent: float, cells: int, longest: int) -> None:
     # Devaney, Nitecki, Communications in Mathematical Physics 67 (1979) 137: one orbit for each binary Lyndon word.
     henon = discrete_map(lambda x, p: (a - x[0] ** 2 + b * x[1], x[0]), {}, ("x", "y"))
-    found = find_periodic_orbits(henon, CellGrid([-extent] * 2, [extent] * 2, [cells] * 2), max_period=longest)
+    found = find_periodic_orbits(henon, CellGrid([-extent] * 2, [extent] * 2, [cells] * 2), longest_period=longest)
     assert Counter(o.period for o in found) == dict(zip(range(1, longest + 1), (2, 1, 2, 3, 6, 9, 18), strict=False))
 
 

@@ -75,7 +75,7 @@ def edge_orbit(
     periods: int = 200,
     min_separation: float = 1e-9,
     max_separation: float = 1e-6,
-    max_period: int = 8,
+    longest_period: int = 8,
     scale: ArrayLike | None = None,
     point_map: PointMap | None = None,
     max_periods: int | None = None,
@@ -98,7 +98,7 @@ def edge_orbit(
         Steps of the map.
     min_separation, max_separation : float, optional
         Distance of a pair after bisection, and distance at which it is bisected again, in units of `scale`.
-    max_period : int, optional
+    longest_period : int, optional
         Longest period of an edge state that is detected.
     scale : array_like, optional
         Unit of length along each coordinate, by default the sizes of the window.
@@ -131,7 +131,7 @@ def edge_orbit(
     array([1.5, 0.5])
     """
     total = affordable_number("periods", periods, 8 * (3 * len(basins.coordinates) + 6), at_least=3)
-    longest = whole_number("max_period", max_period, at_least=1)
+    longest = whole_number("longest_period", longest_period, at_least=1)
     close = finite_number("min_separation", min_separation, above=1e-15)
     apart = finite_number("max_separation", max_separation, above=close, at_most=0.1)
     label = labeller(basins, point_map=point_map, max_periods=max_periods)

@@ -66,14 +66,14 @@ class TableErrors:
         curved = np.empty(by_rows.shape)
         # A table that orbits stay in despite a neighbour without image has an error that is not known to be small.
         numbers = safety, _UNBOUNDED, *map(float, exact.tolerance)
-        indicator, rough = (a.reshape(-1, grid.shape[-1]) for a in (table.indicator, table.rough))
+        indicator, fallback = (a.reshape(-1, grid.shape[-1]) for a in (table.indicator, table.fallback))
 
         def bend(part: slice) -> None:
             curve(by_rows, cells, wraps, part.start, part.stop, curved)
 
         def bound(part: slice) -> None:
             bounding(d)(
-                (origin, grid.widths, cells, wraps), by_rows, curved, images, indicator, rough, numbers,
+                (origin, grid.widths, cells, wraps), by_rows, curved, images, indicator, fallback, numbers,
                 part.start, part.stop, bends, errors, tolerances, estimates,
             )  # fmt: skip
 

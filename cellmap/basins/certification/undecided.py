@@ -45,7 +45,7 @@ class Search:
         basins, known = self.basins, self.basins.attractors
         assert basins.point_map is not None
         points = InitialConditions(basins.grid, basins.initial_conditions).points(rows)
-        limits = {name: basins.settings[name] for name in ("max_periods", "max_period")}
+        limits = {name: basins.settings[name] for name in ("max_periods", "longest_period")}
         with catch_warnings():
             simplefilter("ignore", UnsettledWarning)  # these are all undecided, and few of the whole image
             found = find_basins(

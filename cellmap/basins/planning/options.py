@@ -12,7 +12,7 @@ from ...maps.grid import CellGrid
 from ...maps.interpolation.interpolated import table_memory
 from ...maps.interpolation.spline_coefficients import number_of_nodes
 from ...maps.orbit_batch import CHUNK
-from ..record import basins_memory
+from ..label_store import basins_memory
 from .extrapolation import error_of, fallback_of, slower, table_grids
 from .measurements import ExactProbe, Measurements, TableProbe
 

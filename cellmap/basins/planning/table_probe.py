@@ -104,14 +104,14 @@ def _samples(
             warnings.simplefilter("ignore")  # a small grid may well be too coarse
             table = interpolated_map(exact, grid, order, job.outside)
         surplus = max(0.0, table.cost.seconds * threads / images - image)
-        if table.table is not None and table.table.rough.mean() <= 0.5:
+        if table.table is not None and table.table.fallback.mean() <= 0.5:
             samples.append(_sample(job, table, table.table, n, count))
         n = 2 * n if window.dimension < 3 else (3 * n // 2 if n & (n - 1) == 0 else 4 * n // 3)
 
 
 def _sample(job: Job, point_map: PointMap, table: CellTable, cells: int, count: Callable[[], int]) -> _Sample:
     places = places_in(table.grid, job.seed)
-    everywhere = replace(table, rough=np.zeros_like(table.rough))
+    everywhere = replace(table, fallback=np.zeros_like(table.fallback))
     raw = replace(point_map, table=everywhere, advance=LookUps(job.finest, [everywhere], job.outside))
     error, raw_error = (percentile_error(m, job.finest, places) for m in (point_map, raw))
     initial_conditions = thinned(job.grid, FEW).centres().reshape(-1, table.grid.dimension)

@@ -290,7 +290,7 @@ const clicked = {
   },
   saddles: async () => {
     $("found").textContent = "Searching …";
-    await ofThisImage({ type: "saddles", max_period: Number($("longest").value) }, (found) => {
+    await ofThisImage({ type: "saddles", longest_period: Number($("longest").value) }, (found) => {
       saddles = { ...found, points: new Float32Array(found.data.slice().buffer) };
       showSaddles($("found"), saddles);
     }).catch((error) => { $("found").replaceChildren(); throw error; });

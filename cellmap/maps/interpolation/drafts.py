@@ -20,8 +20,8 @@ def draft_of(spec: Interpolated) -> PointMap:
     grid, order, tiles = spec.grid.on(spec.exact.coordinates), spec.order, TableTiles()
     coefficients, spoilt = spline_coefficients_of(spec.exact, grid, order, False, tiles)
     smooth = CellTable.unexamined(grid, order, coefficients)
-    indicator, rough = leading_errors_in_cells(smooth, allowed_errors(grid, order, spec.tolerance))
-    table = replace(smooth, indicator=indicator, rough=rough | spoilt)
+    indicator, fallback = leading_errors_in_cells(smooth, allowed_errors(grid, order, spec.tolerance))
+    table = replace(smooth, indicator=indicator, fallback=fallback | spoilt)
     cost = Cost(
         seconds=time.perf_counter() - began,
         steps=number_of_nodes(grid, order),
@@ -37,9 +37,9 @@ def examined(draft: PointMap) -> PointMap:
     assert spec.table is not None
     allowed = allowed_errors(spec.grid, spec.order, spec.tolerance)
     smooth = CellTable.unexamined(spec.grid, spec.order, spec.table.coefficients)
-    indicator, rough = errors_in_cells(spec.exact, smooth, allowed, False, tiles)
+    indicator, fallback = errors_in_cells(spec.exact, smooth, allowed, False, tiles)
     # With what the centres tell, an error is never smaller than without: the draft adds cells without nodes alone.
-    table = replace(smooth, indicator=indicator, rough=rough | spec.table.rough)
+    table = replace(smooth, indicator=indicator, fallback=fallback | spec.table.fallback)
     cost = replace(
         spec.cost,
         seconds=spec.cost.seconds + time.perf_counter() - began,

@@ -136,9 +136,9 @@ def interpolated_map(
         coefficients, spoilt = spline_coefficients_of(exact, grid, order, progress, tiles)
         allowed = allowed_errors(grid, order, tolerance)
         smooth = CellTable.unexamined(grid, order, coefficients)
-        indicator, rough = errors_in_cells(exact, smooth, allowed, progress, tiles)
-    rough |= spoilt
-    fraction = float(rough.mean())
+        indicator, fallback = errors_in_cells(exact, smooth, allowed, progress, tiles)
+    fallback |= spoilt
+    fraction = float(fallback.mean())
     if fraction > 0.5:
         warn_caller(
             f"{100 * fraction:.0f} % of the cells are fallback cells: the grid is too coarse or the map not smooth; "
@@ -149,7 +149,7 @@ def interpolated_map(
         steps=number_of_nodes(grid, order) + grid.size,
         evaluations=tiles.work.evaluations,
     )
-    table = CellTable(grid, order, coefficients, indicator, rough)
+    table = CellTable(grid, order, coefficients, indicator, fallback)
     return Interpolated(exact, grid, order, outside, tolerance, max_step, table, cost).make(progress)
 
 

@@ -39,8 +39,8 @@ class LookUps(CompiledAdvance):
         self.coefficients = flat[: coefficients.size].reshape(coefficients.shape)
         strides = np.array([*self.coefficients.strides[:-1], coefficients.nbytes]) // flat.itemsize
         reach = np.zeros(0, np.uint8)
-        if len(tables) > 1 or tables[0].rough.any():
-            reach = np.sum([~t.rough.ravel() for t in tables], axis=0, dtype=np.uint8)
+        if len(tables) > 1 or tables[0].fallback.any():
+            reach = np.sum([~t.fallback.ravel() for t in tables], axis=0, dtype=np.uint8)
         circle = np.where(grid.wraps, np.array(grid.shape, float), turn / grid.widths)
         self._description = (
             flat,

@@ -78,7 +78,7 @@ def errors_in_cells(
     """Bound the error in every cell: the errors along the axes, and what they leave unexplained at the centre."""
     grid = table.grid
     indicator = np.empty(grid.size, np.float32)
-    rough = np.empty(grid.size, bool)
+    fallback = np.empty(grid.size, bool)
     turn = turns_of(exact.coordinates)[1]
     interpolated = LookUps(exact, [table], "escape")
     axes = [grid.axis(j) for j in range(grid.dimension)]
@@ -92,12 +92,12 @@ def errors_in_cells(
         error = np.abs(images - (orbits.points + orbits.rotations * turn) - sums[part])
         error += 0.5 * (absolute[part] + np.abs(sums[part]))
         worst = (error / grid.widths).max(axis=-1)
-        rough = np.asarray(~(error <= allowed).all(axis=-1))
-        return np.where(np.isfinite(worst), worst, np.inf), rough
+        fallback = np.asarray(~(error <= allowed).all(axis=-1))
+        return np.where(np.isfinite(worst), worst, np.inf), fallback
 
-    bar, results = f"interpolation errors of {exact.name}", {"indicator": indicator, "rough": rough}
+    bar, results = f"interpolation errors of {exact.name}", {"indicator": indicator, "rough": fallback}
     (tiles or TableTiles()).fill(exact, axes, results, errors, bar if progress else None)
-    return indicator.reshape(grid.shape), rough.reshape(grid.shape)
+    return indicator.reshape(grid.shape), fallback.reshape(grid.shape)
 
 
 @np.errstate(invalid="ignore")
@@ -121,7 +121,7 @@ def doubled_table(
     coefficients, spoilt = spline_coefficients_of(carried, grid, order, progress)
     smooth = CellTable.unexamined(grid, order, coefficients)
     single = _several(exact, LookUps(exact, tables[:1], outside), periods)
-    indicator, rough = errors_in_cells(single, smooth, allowed, progress)
+    indicator, fallback = errors_in_cells(single, smooth, allowed, progress)
     if outside == "escape":
         ended = np.isnan(
             _displacements(single, nodes_of(grid, order), progress)[..., 0]
@@ -130,7 +130,7 @@ def doubled_table(
         # Where no corner of the cells around leaves the window on its way, no point of the cell does.
         for j in range(grid.dimension):
             spoilt |= np.roll(spoilt, 1, axis=j) | np.roll(spoilt, -1, axis=j)
-    return replace(smooth, indicator=indicator, rough=rough | spoilt | tables[-1].rough)
+    return replace(smooth, indicator=indicator, fallback=fallback | spoilt | tables[-1].fallback)
 
 
 def _several(exact: PointMap, advance: LookUps, periods: int) -> PointMap:

@@ -117,7 +117,7 @@ def table_checkpoint(
     arrays: dict[str, tuple[tuple[int, ...], DTypeLike]] = {
         "displacement": ((nodes, d), np.float64),
         "indicator": ((cells,), np.float32),
-        "rough": ((cells,), np.bool_),
+        "rough": ((cells,), np.bool_),  # the fallback cells
         tiles_of("displacement"): ((len(slices(nodes, CHUNK)),), TILE),
         tiles_of("indicator"): ((len(slices(cells, CHUNK)),), TILE),
     }

@@ -139,7 +139,7 @@ GIVEN: dict[str, Callable[[], Any]] = {
 
 SMALL = {
     "max_periods": 60,
-    "max_period": 2,
+    "longest_period": 2,
     "periods": 4,
     "transient": 2,
     "n_samples": 40,
@@ -199,7 +199,7 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
         **{"first": (2.15, 2.22), "second": (-0.01, 0.01), "initial_condition": (0.5, 0.4)},
         **{"transient": 1000, "periods": 100, "max_points": 2},
     },
-    "attractor_atlas": lambda: {"x": ("r", (1.4, 1.5)), "y": ("s", (0.4, 0.5)), "curves": 0, "max_period": 2},
+    "attractor_atlas": lambda: {"x": ("r", (1.4, 1.5)), "y": ("s", (0.4, 0.5)), "curves": 0, "longest_period": 2},
     "AttractorAtlas.fraction": lambda: {"family": 0},
     "plot_attractor_atlas": lambda: {"show": "number"},
     "stability_map": lambda: {"x": ("alpha", (0.1, 0.2, 0.3)), "y": ("beta", (0.1, 0.2, 0.3))},

@@ -130,7 +130,7 @@ def test_a_table_goes_on_where_it_died(moment, torn, tmp_path, monkeypatch):
     monkeypatch.undo()
     for _ in range(2):
         found = interpolated_map(DUFFING, TABLE, checkpoint=path).table
-        for name in ("coefficients", "indicator", "rough"):
+        for name in ("coefficients", "indicator", "fallback"):
             assert getattr(found, name).tobytes() == getattr(expected, name).tobytes()
 
 
@@ -142,5 +142,5 @@ def test_nodes_without_an_image_are_kept_as_they_are(tmp_path):
     expected = interpolated_map(exact, grid)
     for _ in range(2):
         found = interpolated_map(exact, grid, checkpoint=path)
-        assert np.array_equal(found.table.rough, expected.table.rough)
+        assert np.array_equal(found.table.fallback, expected.table.fallback)
         assert found.table.coefficients.tobytes() == expected.table.coefficients.tobytes()

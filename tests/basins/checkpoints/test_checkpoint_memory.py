@@ -13,7 +13,7 @@ from checkpointed_runs import CASES, WINDOW, assert_same
 import cellmap
 import cellmap._lib.checkpoint
 from cellmap.basins.initial_conditions import Rows
-from cellmap.basins.record import basins_disk, basins_memory
+from cellmap.basins.label_store import basins_disk, basins_memory
 
 # --- memory and disk
 

@@ -95,7 +95,10 @@ def test_a_table_in_the_place_of_an_image(interpolated_file, tmp_path):
 
 CHANGES: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "limit": ("max_periods=2000", lambda path: find_basins(DUFFING, WINDOW, 1999, checkpoint=path)),
-    "longest period": ("max_period=32", lambda path: find_basins(DUFFING, WINDOW, max_period=5, checkpoint=path)),
+    "period": (
+        "longest_period=32",
+        lambda path: find_basins(DUFFING, WINDOW, longest_period=5, checkpoint=path),
+    ),
     "parameter": ("params=", lambda path: find_basins(DUFFING.with_params(gamma=0.11), WINDOW, checkpoint=path)),
     "grid": (
         "initial_conditions=",

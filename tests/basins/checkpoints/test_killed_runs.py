@@ -58,7 +58,7 @@ def tiles_done(path: Path) -> dict[str, Any]:
         if "tiles" not in file:
             names = [name for name in file if name.startswith("tiles of")]
             return {name: int(np.count_nonzero(file[name]["done"])) for name in names} or {"result": True}
-        moment = {"age": max(file["pass"].attrs["legs"], default=0)}
+        moment = {"age": max(file["pass"].attrs["restart_times"], default=0)}
         return moment | {"tiles": int(np.count_nonzero(file["tiles"]["done"])), "rows": "rows" in file["pass"]}
 
 

@@ -37,7 +37,7 @@ def table(**options):
 CASES = {
     "grid": lambda: find_basins(pendulum(), GRID),
     "many attractors": lambda: find_basins(
-        pendulum(amplitude=0.010), CellGrid((-pi, -500.0), (pi, 500.0), (60, 60)), max_periods=900, max_period=8
+        pendulum(amplitude=0.010), CellGrid((-pi, -500.0), (pi, 500.0), (60, 60)), max_periods=900, longest_period=8
     ),
     "table, escaped": lambda: find_basins(table(outside="escape"), GRID),
     "table, tolerance": lambda: find_basins(table(order=3, outside="integrate", tolerance=0.1), GRID),

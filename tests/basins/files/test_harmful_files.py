@@ -208,9 +208,9 @@ def test_something_that_is_no_file(kind, tmp_path):
 
 
 CHECKPOINTS: dict[str, Callable[[h5py.File], object]] = {
-    "horizon": lambda f: f["pass"].attrs.__setitem__("horizon", 2**60),
-    "legs": lambda f: f["pass"].attrs.__setitem__("legs", np.array([5, 3])),
-    "huge legs": lambda f: f["pass"].attrs.__setitem__("legs", np.array([2**60])),
+    "time limit": lambda f: f["pass"].attrs.__setitem__("time_limit", 2**60),
+    "restart times": lambda f: f["pass"].attrs.__setitem__("restart_times", np.array([5, 3])),
+    "huge restart times": lambda f: f["pass"].attrs.__setitem__("restart_times", np.array([2**60])),
     "rows": lambda f: replaced(f["pass"], "rows", lambda g, n: g.__setitem__(n, np.zeros(3, np.uint8))),
     "settled": lambda f: replaced(f["pass"], "settled", lambda g, n: g.__setitem__(n, np.zeros(3, np.float32))),
     "guesses": lambda f: replaced(f["pass/examined"], "guesses", lambda g, n: g.__setitem__(n, np.zeros((3, 9)))),
