@@ -21,8 +21,7 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
 from .doubts import warn_of_doubts
 from .initial_conditions import InitialConditions
-from .label_store import label_store
-from .passes import Run
+from .passes import Run, label_store
 from .record import Basins
 
 

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.arrays import Bools, Ints
-from .._lib.checks import claim_memory
 from .._lib.threads import slices
 from ..attractors.examined import Examined
 from ..attractors.labels import LABEL_NAMES, Label
 from ..attractors.settling import Settled
 from ..maps.orbit_batch import NOTHING
-from ..maps.point_map import PointMap
-from ..orbits.attractor import Attractor
-from .initial_conditions import BLOCK, InitialConditions, Rows
+from .initial_conditions import BLOCK, Rows
 from .record import Basins, label_counts
 from .sweeps import Progress
 
@@ -28,38 +23,6 @@ HELD = 2**20
 """Active orbits whose states are kept from one sweep to the next; those of more are computed again."""
 
 _HELD_BYTES = 256  # for each of them, while they are put together
-
-
-def label_store(
-    point_map: PointMap,
-    places: InitialConditions,
-    settings: Mapping[str, Any],
-    known: Sequence[Attractor] = (),
-    path: Path | None = None,
-    copies: int = 1,
-) -> LabelStore:
-    """Return where labels are to be kept, once there is room for them: in memory, or in a checkpoint.
-
-    ``settings``: those of the basins; ``known``: attractors that were given; ``copies``: how many arrays of labels and
-    settling times there will be in memory.
-
-    Raises
-    ------
-    MemoryError, OSError
-        If the labels do not fit into memory, or a checkpoint not on the disk.
-    StoreError
-        For a file of another kind, or basins of another run.
-    """
-    if path is None:
-        total = len(places)
-        remedy = "take fewer initial conditions" + (
-            ", or give a checkpoint, which keeps them on the disk" * (copies == 1)
-        )
-        claim_memory(f"labels of {total:,} initial conditions", copies * basins_memory(total), remedy)
-        return InMemory(places.shape)
-    from .label_file import OnDisk
-
-    return OnDisk.of(point_map, places, settings, known, path)
 
 
 class LabelStore(ABC):

@@ -7,13 +7,14 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.arrays import Floats, Ints
-from .._lib.checks import warn_caller
+from .._lib.checks import claim_memory, warn_caller
 from .._lib.stopping import Stop, Stopped, heeding
 from .._lib.threads import slices
 from .._lib.tiles import completed
@@ -29,7 +30,7 @@ from ..maps.point_map import PointMap, ToleranceWarning
 from ..orbits.attractor import Attractor, sort_key
 from .doubts import cycles_of
 from .initial_conditions import InitialConditions, Rows
-from .label_store import HELD, InMemory, LabelStore
+from .label_store import HELD, InMemory, LabelStore, basins_memory
 from .record import Basins
 from .strides import StridedTile
 from .sweeps import Batch, Labelling, Progress
@@ -287,6 +288,38 @@ class Run:
         batches = [Batch(rows[part]) for rows in left.spread(count) for part in slices(len(rows), CHUNK)]
         found = {k: settled.orbits for k, settled in self._settled(range(len(batches)), batches.__getitem__, now)}
         return Orbits.joined([found[number] for number in range(len(batches))])
+
+
+def label_store(
+    point_map: PointMap,
+    places: InitialConditions,
+    settings: Mapping[str, Any],
+    known: Sequence[Attractor] = (),
+    path: Path | None = None,
+    copies: int = 1,
+) -> LabelStore:
+    """Return where labels are to be kept, once there is room for them: in memory, or in a checkpoint.
+
+    ``settings``: those of the basins; ``known``: attractors that were given; ``copies``: how many arrays of labels and
+    settling times there will be in memory.
+
+    Raises
+    ------
+    MemoryError, OSError
+        If the labels do not fit into memory, or a checkpoint not on the disk.
+    StoreError
+        For a file of another kind, or basins of another run.
+    """
+    if path is None:
+        total = len(places)
+        remedy = "take fewer initial conditions" + (
+            ", or give a checkpoint, which keeps them on the disk" * (copies == 1)
+        )
+        claim_memory(f"labels of {total:,} initial conditions", copies * basins_memory(total), remedy)
+        return InMemory(places.shape)
+    from .label_file import OnDisk
+
+    return OnDisk.of(point_map, places, settings, known, path)
 
 
 def _tile_size(total: int, point_map: PointMap) -> int:

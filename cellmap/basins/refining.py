@@ -23,8 +23,7 @@ from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, sort_key
 from .initial_conditions import InitialConditions
-from .label_store import label_store
-from .passes import Run, new_numbers
+from .passes import Run, label_store, new_numbers
 from .record import Basins
 from .strides import strided_tiles
 from .sweeps import Progress
