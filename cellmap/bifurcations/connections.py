@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from math import ceil, lcm, log
 
 import numpy as np
 
-from .._lib.arrays import Floats
-from .._lib.checks import finite_number, whole_number
+from .._lib.arrays import Floats, Ints
+from .._lib.checks import finite_number, warn_caller, whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
@@ -24,8 +24,10 @@ _BEGINNING = 1e-6  # scaled distance of the first and the last point from the sa
 _BISECTIONS = 60
 _SAME = 1e-6  # difference of places on the fundamental segment within which orbits are equal
 _MOST_POINTS = 400  # of an orbit
-_TOUCHING = 1e-9  # angle in radians below which manifolds do not cross;
-_FEW = 3  # if so many orbits are found, and all of them are such, the manifolds coincide
+_TOUCHING = 1e-9  # angle in radians below which manifolds do not cross,
+_NEARLY = 1e-6  # and where Newton's method fails, as where solutions are not isolated
+_FEW = 3  # places of this kind from which manifolds coincide
+_APART = 64  # samples between changes of side that do not belong to one group
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +112,7 @@ def connecting_orbits(
     ------
     ValueError
         For orbits that are no saddles with one unstable multiplier, for a map that has no parameter, and for manifolds
-        that coincide, as those of integrable maps.
+        that coincide, as those of integrable maps; where others cross as well, a warning tells.
 
     References
     ----------
@@ -136,20 +138,21 @@ def connecting_orbits(
     begin, near = _Splitting.at(exact, p, steps), _Splitting.at(exact, q, steps)
     size = _visited(exact, p, begin.unstable, begin.factor, steps, most, turns_of(exact.coordinates)[1])
     orbits: list[tuple[int, ConnectingOrbit]] = []
-    for side in (1.0, -1.0) if begin.factor > 0.0 else (1.0,):
+    sides, coinciding = (1.0, -1.0) if begin.factor > 0.0 else (1.0,), 0
+    for side in sides:
         direction = side * begin.unstable / np.linalg.norm(begin.unstable / size)
         segment = _Segment(exact, p, direction, abs(begin.factor) ** (1 if begin.factor > 0.0 else 2), steps)
-        for place, number in segment.crossings(near, size, reach, most, samples):
-            guess = _to_target(segment.chain(place, number), near, size)
-            orbit = None if guess is None else connection(exact, steps, size, p, q, guess)
-            if orbit is None or any(_equal(orbit, other) for _, other in orbits):
-                continue
-            orbits.append((number, orbit))
-            if len(orbits) >= _FEW and all(abs(other.angle) < _TOUCHING for _, other in orbits):
-                raise ValueError(
-                    f"source={source!r}, target={end!r}: their manifolds coincide within {_TOUCHING:g} rad, so that "
-                    "all of their points belong to connecting orbits; change a parameter that separates them"
-                )
+        found, coincide = _connections(segment, near, size, segment.crossings(near, size, reach, most, samples))
+        for number, orbit in found:
+            if not any(_equal(orbit, other) for _, other in orbits):
+                orbits.append((number, orbit))
+        coinciding += coincide
+    if coinciding:
+        which = f"source={source!r}, target={end!r}: their manifolds coincide within {_TOUCHING:g} rad"
+        remedy = "all of their points belong to connecting orbits; change a parameter that separates them"
+        if not orbits:
+            raise ValueError(f"{which}, so that {remedy}")
+        warn_caller(f"{which} along {coinciding} of {len(sides)} branches, of which nothing is returned: {remedy}")
     return tuple(orbit for _, orbit in sorted(orbits, key=lambda found: found[0]))
 
 
@@ -225,11 +228,13 @@ class _Segment:
 
     def crossings(
         self, target: _Splitting, size: Floats, radius: float, most: int, samples: int
-    ) -> Iterator[tuple[float, int]]:
-        """Yield places, and the steps after which their images are near a saddle and on its stable manifold."""
+    ) -> Iterator[tuple[int, Ints, Floats]]:
+        """Yield numbers of steps, and samples (n,) from which to the next ones images change their side of a saddle.
+
+        Both are near the saddle then.  Last come the places of all samples.
+        """
         places = np.linspace(0.0, 1.0, samples + 1)
         orbits = Orbits.starting(self.begin(places))
-        found: list[float] = []
         for number in range(1, most + 1):
             self.exact.advance(orbits, self.steps)
             with np.errstate(invalid="ignore"):
@@ -240,13 +245,11 @@ class _Segment:
             rows = np.flatnonzero(near[:-1] & near[1:] & (along[:-1] * along[1:] <= 0.0))
             rows = rows[np.linalg.norm((rest[rows + 1] - rest[rows]) / size, axis=1) <= away[rows]]
             # The way out to the saddle's own neighbourhood is no way back to it.
-            rows = rows[away[rows] > 1e-3 * away[near].max(initial=0.0)]
-            for place in self._bisected(places[rows], places[rows + 1], number, target):
-                if not any(abs(place - other) <= _SAME for other in found):
-                    found.append(place)
-                    yield place, number
+            yield number, rows[away[rows] > 1e-3 * away[near].max(initial=0.0)], places
 
-    def _bisected(self, low: Floats, high: Floats, number: int, target: _Splitting) -> list[float]:
+    def bisected(self, low: Floats, high: Floats, number: int, target: _Splitting) -> list[float]:
+        """Return the places between others from which images are on the stable manifold of a saddle."""
+
         def side(places: Floats) -> Floats:
             orbits = Orbits.starting(self.begin(places))
             self.exact.advance(orbits, self.steps * number)
@@ -271,10 +274,48 @@ class _Segment:
         return np.array(points)
 
 
+def _connections(
+    segment: _Segment, target: _Splitting, size: Floats, steps: Iterable[tuple[int, Ints, Floats]]
+) -> tuple[list[tuple[int, ConnectingOrbit]], bool]:
+    """Return the orbits along which manifolds cross, with their numbers of steps, and whether manifolds coincide.
+
+    Where these do, rounding decides on which side images are: of a dense group of changes of side the first, the middle
+    and the last one are looked at, and the others only if manifolds cross at one of them.
+    """
+    known: list[tuple[float, bool, bool]] = []  # places, whether manifolds cross there, and whether they touch
+    found: list[tuple[int, ConnectingOrbit]] = []
+
+    def cross(number: int, low: Floats, high: Floats) -> list[bool]:
+        crossing = []
+        for place in segment.bisected(low, high, number, target):
+            before = [crosses for other, crosses, _ in known if abs(place - other) <= _SAME]
+            if not before:
+                orbit, touches = _connection(segment, target, size, segment.chain(place, number))
+                before = [orbit is not None]
+                known.append((place, orbit is not None, touches))
+                if orbit is not None:
+                    found.append((number, orbit))
+            crossing.append(any(before))
+        return crossing
+
+    for number, rows, places in steps:
+        if len(rows):
+            group = np.cumsum(np.diff(rows, prepend=rows[0]) > _APART)
+            _, first, count = np.unique(group, return_index=True, return_counts=True)
+            looked = count[group] <= _FEW
+            looked[np.concatenate([first, first + count // 2, first + count - 1])] = True
+            crossing = np.zeros(len(rows), bool)
+            crossing[looked] = cross(number, places[rows[looked]], places[rows[looked] + 1])
+            others = rows[~looked & np.logical_or.reduceat(crossing, first)[group]]
+            cross(number, places[others], places[others + 1])
+        coincide = sum(touches for *_, touches in known) >= _FEW
+        if coincide and not found:
+            break
+    return found, coincide
+
+
 def _to_target(chain: Floats, target: _Splitting, size: Floats) -> Floats | None:
     """Return a chain continued in the stable eigenspace of a saddle until it is close; None where that takes long."""
-    if not np.isfinite(chain).all():
-        return None
     rest = target.parts(chain[-1])[1]
     further = [rest]
     while np.linalg.norm(rest / size) > _BEGINNING:
@@ -286,19 +327,20 @@ def _to_target(chain: Floats, target: _Splitting, size: Floats) -> Floats | None
     return np.concatenate([chain[:-1], target.point + np.array(further)])
 
 
-def connection(
-    exact: PointMap, steps: int, size: Floats, p: Floats, q: Floats, chain: Floats
-) -> ConnectingOrbit | None:
-    """Return the connecting orbit beside a chain of points; None where Newton's method finds none."""
-    name = next(iter(exact.params), None)
-    problem, unknowns = problem_of(
-        exact, () if name is None else (name,), (1.0,), steps, size, np.vstack([p, q, chain])
-    )
-    at = corrected(problem, unknowns, problem.parameter_direction)
-    if at is None:
-        return None
-    n = problem.points * problem.dimension
-    return orbit_at(exact, problem, at.unknowns[:n], float(problem.angle(at.unknowns)))
+def _connection(
+    segment: _Segment, target: _Splitting, size: Floats, chain: Floats
+) -> tuple[ConnectingOrbit | None, bool]:
+    """Return the connecting orbit beside a chain of points, and whether manifolds touch there instead of crossing."""
+    if not np.isfinite(chain).all():
+        return None, False
+    exact, guess = segment.exact, _to_target(chain, target, size)
+    points = np.vstack([segment.saddle, target.point, chain if guess is None else guess])
+    problem, unknowns = problem_of(exact, (next(iter(exact.params)),), (1.0,), segment.steps, size, points)
+    at = None if guess is None else corrected(problem, unknowns, problem.parameter_direction)
+    angle = problem.angle(unknowns if at is None else at.unknowns)
+    if at is None or abs(angle) < _TOUCHING:
+        return None, abs(angle) < _NEARLY
+    return orbit_at(exact, problem, at.unknowns[: problem.points * problem.dimension], angle), False
 
 
 def problem_of(

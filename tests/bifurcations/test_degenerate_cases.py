@@ -163,6 +163,58 @@ def test_manifolds_that_coincide_are_named() -> None:
     assert len(angles) == 4 and 1e-7 < min(map(abs, angles)) < max(map(abs, angles)) < 1e-5
 
 
+@pytest.mark.parametrize(
+    ("a", "steps", "bent"), [(0.5, 40, False), (1.99, 40, False), (0.5, 100, True), (1.3, 40, True)]
+)
+def test_a_curve_of_connecting_orbits_is_named(a: float, steps: int, bent: bool) -> None:
+    # The graph y = h(x) is invariant, and joins the saddles at 0 and 1: every one of its points is on both manifolds.
+    def h(x):  # type: ignore[no-untyped-def]
+        return sin(x) if bent else 0.0 * x
+
+    def image(x, p):  # type: ignore[no-untyped-def]
+        following = x[0] + p.a * x[0] * (1.0 - x[0])
+        return following, 0.5 * (x[1] - h(x[0])) * (1.0 + 3.0 * x[0]) + h(following)
+
+    exact = discrete_map(image, {"a": a}, ("x", "y"))
+    one, other = (periodic_orbit(exact, [x, h(x)]) for x in (0.0, 1.0))
+    with pytest.raises(ValueError, match="manifolds coincide"):
+        connecting_orbits(exact, one, other, max_steps=steps)
+
+
+@pytest.mark.parametrize(
+    ("rhs", "ends"),
+    [
+        # Saddles on a line, and on the unit circle, where the angle obeys q' = sin(q).
+        (lambda t, x, p: (x[0] * (1.0 - x[0]), p.k * x[1] * (2.0 * x[0] - 1.0)), ([0.0, 0.0], [1.0, 0.0])),
+        (
+            lambda t, x, p: (
+                p.k * x[0] ** 2 * (1.0 - x[0] ** 2 - x[1] ** 2) - x[1] ** 2,
+                p.k * x[0] * x[1] * (1.0 - x[0] ** 2 - x[1] ** 2) + x[0] * x[1],
+            ),
+            ([1.0, 0.0], [-1.0, 0.0]),
+        ),
+        # Duffing's oscillator without damping: x^4 = 2 (x^2 - v^2).
+        (lambda t, x, p: (x[1], x[0] - p.k * x[0] ** 3), ([0.0, 0.0], [0.0, 0.0])),
+    ],
+)
+def test_orbits_of_flows_that_connect_saddles_are_named(rhs, ends) -> None:  # type: ignore[no-untyped-def]
+    exact = stroboscopic_map(ForcedSystem(rhs, {"k": 1.0}, period=2.0, coordinates=("x", "y")))
+    with pytest.raises(ValueError, match="manifolds coincide"):
+        connecting_orbits(exact, *(periodic_orbit(exact, end) for end in ends), n_samples=2048)
+
+
+def test_one_branch_of_manifolds_that_coincides_is_named() -> None:
+    # McMillan's map, perturbed in the half-plane of one of its two homoclinic loops.
+    exact = discrete_map(
+        lambda x, p: (x[1], -x[0] + 2.0 * p.mu * x[1] / (1.0 + x[1] ** 2) + p.e * max(x[1], 0.0) ** 3),
+        {"mu": 1.5, "e": 1e-3},
+        ("x", "y"),
+    )
+    with pytest.warns(UserWarning, match="coincide within 1e-09 rad along 1 of 2 branches"):
+        found = connecting_orbits(exact, periodic_orbit(exact, [0.0, 0.0]), max_steps=24)
+    assert found and all(orbit.points.min() > -1e-9 and abs(orbit.angle) > 1e-4 for orbit in found)
+
+
 def test_a_clockwise_rotation_is_named() -> None:
     def rhs(t, x, p):  # type: ignore[no-untyped-def]
         return x[1], -x[0] + (1.0 - x[0] ** 2) * x[1] + p.F * cos(p.w * t)
