@@ -18,10 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 import systems
-from cellmap import ForcedSystem, angle
+from cellmap import ForcedSystem, angle, set_threads
 from cellmap._compiled.codegen.rebind import rebind
 from cellmap._compiled.codegen.trace import parameter_record
-from cellmap._lib.threads import set_threads
 
 REFERENCE = Path(__file__).parent / "reference"
 

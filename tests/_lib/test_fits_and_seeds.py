@@ -8,7 +8,8 @@ from scipy.stats import linregress, t
 
 from cellmap._lib.checks import shown
 from cellmap._lib.fit import fit_line, scaling_window, steady_window, window_spread
-from cellmap._lib.randomness import random_numbers, random_seed
+from cellmap._lib.randomness import random_seed
+from cellmap.utils import random_numbers
 
 X = np.arange(12.0)
 NOISE = np.random.default_rng(0).normal(size=12)

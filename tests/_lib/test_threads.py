@@ -10,7 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellmap._lib.threads import progress_bar, results_of, run_over, set_threads, slices, thread_count
+from cellmap import set_threads, thread_count
+from cellmap._lib.threads import results_of, run_over, slices
+from cellmap.utils import progress_bar
 
 
 @given(st.integers(0, 10_000), st.integers(1, 5000))

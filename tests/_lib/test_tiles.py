@@ -15,10 +15,18 @@ import numpy as np
 import pytest
 
 import systems
-from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_basins, interpolated_map, stroboscopic_map
+from cellmap import (
+    CellGrid,
+    ForcedSystem,
+    PointMap,
+    angle,
+    discrete_map,
+    find_basins,
+    interpolated_map,
+    stroboscopic_map,
+)
 from cellmap._lib.checkpoint import Checkpoint
 from cellmap._lib.tiles import completed
-from cellmap.maps.point_map import PointMap
 
 distributed = pytest.importorskip("distributed")
 

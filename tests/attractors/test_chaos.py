@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import systems
-from cellmap import CellGrid, angle, discrete_map, find_basins, interpolated_map, stroboscopic_map
+from cellmap import CellGrid, Label, angle, discrete_map, find_basins, interpolated_map, stroboscopic_map
 from cellmap.attractors.boxes import inside_cover
 from cellmap.attractors.chaos import chaotic_attractors, lyapunov_exponents
-from cellmap.attractors.labels import Label
 from cellmap.orbits import Kind
 
 DAMPED = systems.dimensionless_pendulum(0.25, 0.55, 0.05)

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cellmap import PointMap, angle, discrete_map, find_basins
+from cellmap import Label, PointMap, angle, discrete_map, find_basins
 from cellmap.attractors import cluster_orbits
-from cellmap.attractors.labels import Label
 from cellmap.orbits import Kind
 
 

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cellmap import CellGrid, angle, discrete_map, find_basins
+from cellmap import CellGrid, Label, angle, discrete_map, find_basins
 from cellmap.attractors.creeping import creeping
-from cellmap.attractors.labels import Label
 from cellmap.basins import UnsettledWarning
 from cellmap.basins.doubts import _creep
 from cellmap.maps import PointMap

@@ -9,9 +9,17 @@ import numpy as np
 import pytest
 
 import systems
-from cellmap import CellGrid, ForcedSystem, discrete_map, find_attractors, find_basins, stroboscopic_map
+from cellmap import (
+    CellGrid,
+    ForcedSystem,
+    discrete_map,
+    find_attractors,
+    find_basins,
+    load_basins,
+    save_basins,
+    stroboscopic_map,
+)
 from cellmap.attractors.equilibria import sticking_sets
-from cellmap.basins.store import load_basins, save_basins
 from cellmap.orbits import Kind
 
 LENGTH, AMPLITUDE, FREQUENCY, FRICTION = 0.0272, 0.003, 50.0, 10.0

@@ -7,9 +7,8 @@ from math import pi
 import numpy as np
 
 import systems
-from cellmap import discrete_map, find_basins, stroboscopic_map
+from cellmap import Label, discrete_map, find_basins, stroboscopic_map
 from cellmap.attractors.examined import Examined
-from cellmap.attractors.labels import Label
 from cellmap.orbits.newton import newton, return_distances
 
 

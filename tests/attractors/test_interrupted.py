@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cellmap import PointMap, angle, discrete_map
+from cellmap import PointMap, angle, discrete_map, find_attractors
 from cellmap._lib.stopping import Stop, Stopped, heeding
 from cellmap.attractors.chaos import chaotic_attractors
 from cellmap.attractors.quasiperiodic import quasiperiodic_attractors
-from cellmap.attractors.search import find_attractors
 from cellmap.maps.orbit_batch import Orbits
 
 CIRCLE = discrete_map(

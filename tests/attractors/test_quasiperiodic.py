@@ -9,9 +9,18 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_attractors, find_basins, plot, stroboscopic_map
+from cellmap import (
+    CellGrid,
+    ForcedSystem,
+    Label,
+    angle,
+    discrete_map,
+    find_attractors,
+    find_basins,
+    plot,
+    stroboscopic_map,
+)
 from cellmap.attractors import continue_attractors
-from cellmap.attractors.labels import Label
 from cellmap.basins import continue_basins
 from cellmap.maps import flow_map
 from cellmap.orbits import Kind

@@ -10,8 +10,7 @@ from scipy.optimize import fsolve
 from small_maps import CIRCLE, LINE, circle, grid_of, logistic
 
 import systems
-from cellmap import PointMap, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
-from cellmap.attractors.labels import Label
+from cellmap import Label, PointMap, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
 from cellmap.orbits import Kind
 
 W = 2 * pi * 50  # the drive of the report's pendulum, rad/s

@@ -14,6 +14,7 @@ import systems
 from cellmap import (
     Attractor,
     CellGrid,
+    Label,
     PointMap,
     Status,
     angle,
@@ -24,7 +25,7 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap.attractors.boxes import box_keys, boxes_of, inside_cover
-from cellmap.attractors.labels import LABEL_NAMES, Label, label_of
+from cellmap.attractors.labels import LABEL_NAMES, label_of
 from cellmap.attractors.settling import RESIDENCE, Catalogue, classify, settle
 from cellmap.maps.coordinates import difference
 from cellmap.maps.orbit_batch import Orbits

@@ -21,8 +21,7 @@ import pytest
 from PIL import Image
 
 import systems
-from cellmap import Basins, CellGrid, PointMap, find_basins, interpolated_map, stroboscopic_map
-from cellmap.attractors.labels import Label
+from cellmap import Basins, CellGrid, Label, PointMap, find_basins, interpolated_map, stroboscopic_map
 
 REFERENCE = Path(__file__).parents[1] / "reference"
 CODES = {Label.ESCAPED: 253, Label.DIVERGED: 254, Label.UNDECIDED: 255}

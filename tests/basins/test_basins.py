@@ -14,6 +14,7 @@ from cellmap import (
     Basins,
     CellGrid,
     ForcedSystem,
+    Label,
     PointMap,
     Status,
     certify,
@@ -23,7 +24,6 @@ from cellmap import (
     interpolated_map,
     stroboscopic_map,
 )
-from cellmap.attractors.labels import Label
 from cellmap.basins.label_store import basins_memory
 from cellmap.maps import ToleranceWarning
 from cellmap.maps.coordinates import difference

@@ -14,6 +14,7 @@ import systems
 from cellmap import (
     CellGrid,
     ForcedSystem,
+    Label,
     PointMap,
     discrete_map,
     find_basins,
@@ -22,7 +23,6 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap.attractors.feature_groups import grouped
-from cellmap.attractors.labels import Label
 from cellmap.basins import classify_by_features
 from cellmap.maps import Iterate
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import cellmap
-from cellmap import CellGrid, angle, certify, discrete_map, find_basins, interpolated_map, stroboscopic_map
-from cellmap.attractors.labels import Label
+from cellmap import CellGrid, Label, angle, certify, discrete_map, find_basins, interpolated_map, stroboscopic_map
 from cellmap.attractors.settling import Catalogue, settle
 from cellmap.attractors.transients import Reason
 from cellmap.basins import Certificate, Evidence

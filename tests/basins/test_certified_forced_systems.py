@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, ForcedSystem, certify, find_basins, interpolated_map, stroboscopic_map
-from cellmap.basins.certification.certificate import Evidence
+from cellmap.basins import Evidence
 
 
 def lorenz(t, x, p):

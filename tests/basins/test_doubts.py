@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from cellmap import (
     CellGrid,
     ForcedSystem,
+    Label,
     angle,
     discrete_map,
     find_basins,
@@ -20,7 +21,6 @@ from cellmap import (
     save_basins,
     stroboscopic_map,
 )
-from cellmap.attractors.labels import Label
 from cellmap.basins import UnsettledWarning
 from cellmap.maps import Status
 

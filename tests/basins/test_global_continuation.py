@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 import systems
-from cellmap import CellGrid, discrete_map, interpolated_map, plot, set_threads, stroboscopic_map
-from cellmap.attractors.labels import Label
+from cellmap import CellGrid, Label, discrete_map, interpolated_map, plot, set_threads, stroboscopic_map
 from cellmap.basins import BasinContinuation, ContinuationInterrupt, continue_basins
 from cellmap.basins import continuation as global_continuation
 from cellmap.orbits import Kind

@@ -8,13 +8,21 @@ from math import tanh
 import numpy as np
 import pytest
 
-from cellmap import CellGrid, discrete_map, find_attractors, find_basins, interpolated_map, load_basins, save_basins
-from cellmap.attractors.labels import Label
+from cellmap import (
+    Attractor,
+    CellGrid,
+    Label,
+    discrete_map,
+    find_attractors,
+    find_basins,
+    interpolated_map,
+    load_basins,
+    save_basins,
+)
 from cellmap.basins import recompute_basins
 from cellmap.basins.classification import Labeller, labeller, own_label, places_of, scale_of, span_of
 from cellmap.basins.final_states import _coarse, final_states
-from cellmap.orbits.attractor import Attractor, Kind
-from cellmap.orbits.invariant_torus import InvariantTorus
+from cellmap.orbits import InvariantTorus, Kind
 
 WELLS = discrete_map(lambda x, p: (tanh(p.a * x[0]), 0.5 * x[1]), {"a": 1.5}, ("x", "y"))
 GRID = CellGrid((-2.0, -1.0), (2.0, 1.0), (20, 6))

@@ -14,6 +14,7 @@ import systems
 from cellmap import (
     CellGrid,
     ForcedSystem,
+    Label,
     PointMap,
     discrete_map,
     find_basins,
@@ -21,7 +22,6 @@ from cellmap import (
     set_threads,
     stroboscopic_map,
 )
-from cellmap.attractors.labels import Label
 from cellmap.basins import LiveBasins, LiveFrame
 
 LINE = CellGrid((-2.0,), (2.0,), (101,))

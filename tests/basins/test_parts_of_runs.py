@@ -14,6 +14,7 @@ import pytest
 
 from cellmap import (
     CellGrid,
+    Label,
     angle,
     certify,
     discrete_map,
@@ -21,12 +22,9 @@ from cellmap import (
     find_basins,
     interpolated_map,
 )
-from cellmap.attractors.labels import Label
-from cellmap.basins import continue_basins, refine_basins
+from cellmap.basins import Evidence, UnsettledWarning, continue_basins, refine_basins
 from cellmap.basins.certification import certifying
-from cellmap.basins.certification.certificate import Evidence
 from cellmap.basins.continuation import _outermost, _seeds
-from cellmap.basins.doubts import UnsettledWarning
 from cellmap.basins.initial_conditions import InitialConditions, Rows
 from cellmap.basins.label_store import InMemory, LabelStore, basins_memory
 from cellmap.basins.planning.extrapolation import slower

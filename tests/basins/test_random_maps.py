@@ -11,6 +11,7 @@ from cellmap import (
     Basins,
     CellGrid,
     ForcedSystem,
+    Label,
     PointMap,
     angle,
     certify,
@@ -19,7 +20,6 @@ from cellmap import (
     interpolated_map,
     stroboscopic_map,
 )
-from cellmap.attractors.labels import Label
 from cellmap.basins import Certificate, Evidence
 from cellmap.basins.certification.cell_owners import within
 from cellmap.basins.certification.table_errors import TableErrors

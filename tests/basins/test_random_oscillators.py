@@ -12,9 +12,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cellmap import Basins, CellGrid, ForcedSystem, PointMap, angle, find_basins, interpolated_map, stroboscopic_map
+from cellmap import (
+    Basins,
+    CellGrid,
+    ForcedSystem,
+    Label,
+    PointMap,
+    angle,
+    find_basins,
+    interpolated_map,
+    stroboscopic_map,
+)
 from cellmap.attractors.boxes import inside_cover
-from cellmap.attractors.labels import LABEL_NAMES, Label
+from cellmap.attractors.labels import LABEL_NAMES
 from cellmap.attractors.search import region_extent
 from cellmap.attractors.settling import Catalogue, settle
 from cellmap.maps.coordinates import difference, wrap

@@ -20,6 +20,7 @@ from cellmap import (
     Basins,
     CellGrid,
     ForcedSystem,
+    Label,
     PointMap,
     discrete_map,
     find_basins,
@@ -29,7 +30,6 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap._lib.stopping import Stop
-from cellmap.attractors.labels import Label
 from cellmap.attractors.settling import Settled
 from cellmap.basins import refine_basins
 from cellmap.basins.initial_conditions import InitialConditions

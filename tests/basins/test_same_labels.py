@@ -13,6 +13,7 @@ from known_basins import LINE, circle_grid, counts
 import systems
 from cellmap import (
     CellGrid,
+    Label,
     discrete_map,
     find_attractors,
     find_basins,
@@ -20,7 +21,6 @@ from cellmap import (
     set_threads,
     stroboscopic_map,
 )
-from cellmap.attractors.labels import Label
 
 # Initial conditions of more than one tile each.
 DETERMINISTIC = {

@@ -9,15 +9,24 @@ import numpy as np
 import pytest
 
 import systems
-from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
+from cellmap import (
+    CellGrid,
+    ForcedSystem,
+    Label,
+    angle,
+    discrete_map,
+    find_attractors,
+    find_basins,
+    load_basins,
+    save_basins,
+    stroboscopic_map,
+)
 from cellmap.attractors.chaos import Examination, chaotic_attractors, examine
 from cellmap.attractors.equilibria import sticking_sets
-from cellmap.attractors.labels import Label
 from cellmap.attractors.settling import RESIDENCE
 from cellmap.attractors.transients import Reason
 from cellmap.basins import passes as basin_passes
 from cellmap.basins.passes import _REPEATS, Run
-from cellmap.basins.store import load_basins, save_basins
 from cellmap.orbits import Kind
 
 LOGISTIC = systems.logistic_map(3.9)

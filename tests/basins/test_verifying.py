@@ -13,13 +13,13 @@ import systems
 from cellmap import (
     Basins,
     CellGrid,
+    Label,
     discrete_map,
     find_attractors,
     find_basins,
     interpolated_map,
     stroboscopic_map,
 )
-from cellmap.attractors.labels import Label
 
 
 def planted(basins: Basins, wrong: int, label: int, seed: int = 3) -> Basins:

@@ -11,11 +11,19 @@ import numpy as np
 import pytest
 
 from cellmap import ForcedSystem, angle, continue_orbit, discrete_map, periodic_orbit
-from cellmap.bifurcations import arnold_tongue, connecting_orbits, floquet_multipliers, switch_branch
-from cellmap.bifurcations.atlas_families import AtlasKind, Attractors, families_of
-from cellmap.bifurcations.atlas_record import AttractorAtlas, AttractorFamily
+from cellmap.bifurcations import (
+    AtlasKind,
+    AttractorAtlas,
+    AttractorFamily,
+    Crossing,
+    arnold_tongue,
+    connecting_orbits,
+    floquet_multipliers,
+    switch_branch,
+)
+from cellmap.bifurcations.atlas_families import Attractors, families_of
 from cellmap.bifurcations.circle_branches import _locked_rotation
-from cellmap.bifurcations.crossings import Crossing, CrossingFunctions, Matrices
+from cellmap.bifurcations.crossings import CrossingFunctions, Matrices
 from cellmap.bifurcations.lane_regions import _metrics
 from cellmap.bifurcations.orbit_grid import _links
 from cellmap.orbits.ellipsoids import directions

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cellmap.bifurcations.atlas_families import AtlasKind, Attractors, Directory
+from cellmap.bifurcations import AtlasKind
+from cellmap.bifurcations.atlas_families import Attractors, Directory
 from cellmap.bifurcations.atlas_spreading import _neighbours, slow_ones
 
 SHAPE = (3, 4)  # rows, columns

@@ -29,8 +29,7 @@ from cellmap.exchange import from_xarray, to_xarray
 from cellmap.exchange.attractor_group import attractor_group, attractors_of
 from cellmap.maps import angle, rebuild_map
 from cellmap.maps.coordinates import as_coordinates
-from cellmap.orbits import Attractor, Kind, finite_time_exponents
-from cellmap.orbits.invariant_torus import InvariantTorus
+from cellmap.orbits import Attractor, InvariantTorus, Kind, finite_time_exponents
 
 WINDOW = CellGrid((-1.5, -1.0), (1.5, 1.0), (12, 8))
 WELLS = discrete_map(lambda x, p: (p.r * x[0] - x[0] ** 3, 0.5 * x[1]), {"r": 1.5}, ("x", "y"), "two wells")

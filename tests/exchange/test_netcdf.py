@@ -11,10 +11,18 @@ import pytest
 import xarray
 
 import systems
-from cellmap import CellGrid, bifurcation_diagram, certify, discrete_map, find_basins, interpolated_map, stability_map
-from cellmap.attractors.labels import LABEL_NAMES, Label
-from cellmap.basins import continue_basins
-from cellmap.basins.certification.certificate import Evidence
+from cellmap import (
+    CellGrid,
+    Label,
+    bifurcation_diagram,
+    certify,
+    discrete_map,
+    find_basins,
+    interpolated_map,
+    stability_map,
+)
+from cellmap.attractors.labels import LABEL_NAMES
+from cellmap.basins import Evidence, continue_basins
 from cellmap.bifurcations import attractor_atlas
 from cellmap.exchange import to_xarray
 from cellmap.exchange.conventions import flags, variable_names

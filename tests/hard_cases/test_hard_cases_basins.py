@@ -13,6 +13,7 @@ import systems
 from cellmap import (
     CellGrid,
     ForcedSystem,
+    Label,
     PointMap,
     discrete_map,
     find_attractors,
@@ -20,7 +21,6 @@ from cellmap import (
     interpolated_map,
     stroboscopic_map,
 )
-from cellmap.attractors.labels import Label
 from cellmap.maps import jacobian
 from cellmap.maps.coordinates import difference
 from cellmap.orbits import Kind

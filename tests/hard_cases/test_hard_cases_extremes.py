@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 from driven_pendulums import strobe
 
-from cellmap import CellGrid, ForcedSystem, Status, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
-from cellmap.attractors.labels import Label
+from cellmap import (
+    CellGrid,
+    ForcedSystem,
+    Label,
+    Status,
+    angle,
+    discrete_map,
+    find_attractors,
+    find_basins,
+    stroboscopic_map,
+)
 
 # --- numbers beyond all bounds (case 16)
 

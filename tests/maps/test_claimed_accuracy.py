@@ -16,7 +16,8 @@ from scipy.integrate import solve_ivp
 from scipy.special import erf, ive
 
 from cellmap import ForcedSystem, Status, stroboscopic_map
-from cellmap.maps.point_map import ToleranceWarning, follow
+from cellmap.maps import ToleranceWarning
+from cellmap.maps.point_map import follow
 
 WIDTHS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
 METHODS = ("auto", "DOP853")

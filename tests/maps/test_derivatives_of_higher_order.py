@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cellmap import ForcedSystem, angle, discrete_map, stroboscopic_map
+from cellmap.maps import swept_map
 from cellmap.maps.multilinear import directions_for, multilinear_forms
-from cellmap.maps.parameters_as_states import swept_map
 from cellmap.maps.stroboscopic import carried
 
 POLYNOMIAL = discrete_map(

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cellmap import PointMap, angle, discrete_map
+from cellmap import PointMap, Status, angle, discrete_map, set_threads
 from cellmap._compiled.machine_code import machine_code
-from cellmap._lib.threads import set_threads
 from cellmap.maps import jacobian
-from cellmap.maps.orbit_batch import Status
 
 
 def henon(x: Any, p: Any) -> tuple[float, float]:

@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, ForcedSystem, Status, angle, discrete_map, interpolated_map, stroboscopic_map
-from cellmap.maps import Impact, grazing_distance, inverse_stroboscopic_map
+from cellmap.maps import Impact, grazing_distance, inverse_stroboscopic_map, swept_map
 from cellmap.maps.coordinates import from_edge, state_points
 from cellmap.maps.fingerprint import fingerprint
 from cellmap.maps.formulas import formulas
 from cellmap.maps.interpolation import table_making
 from cellmap.maps.misread import lacking
 from cellmap.maps.orbit_batch import Cost, Orbits
-from cellmap.maps.parameters_as_states import swept_map
 from cellmap.maps.reversals import warn_of_reversals
 
 AXES = (angle("a"), "v", angle("b", period=1.0))

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cellmap import CellGrid, ForcedSystem, angle, find_basins, stroboscopic_map
-from cellmap.attractors.labels import Label
+from cellmap import CellGrid, ForcedSystem, Label, angle, find_basins, stroboscopic_map
 from cellmap.maps import (
     Impact,
     Status,

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cellmap import CellGrid, ForcedSystem, angle, stroboscopic_map
-from cellmap.maps.orbit_batch import Status
-from cellmap.maps.point_map import ToleranceWarning
+from cellmap import CellGrid, ForcedSystem, Status, angle, stroboscopic_map
+from cellmap.maps import ToleranceWarning
 
 # Failures are said
 

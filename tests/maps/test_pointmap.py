@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import cellmap._lib.checks
-from cellmap import ForcedSystem, PointMap, angle, discrete_map, stroboscopic_map
-from cellmap.maps.orbit_batch import Status
+from cellmap import ForcedSystem, PointMap, Status, angle, discrete_map, stroboscopic_map
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,7 @@ from cellmap import (
     CellGrid,
     ForcedSystem,
     PointMap,
+    Status,
     angle,
     discrete_map,
     find_basins,
@@ -35,7 +36,7 @@ from cellmap.maps import (
     section_map,
     swept_map,
 )
-from cellmap.maps.orbit_batch import Orbits, Status
+from cellmap.maps.orbit_batch import Orbits
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cellmap import ForcedSystem, angle, stroboscopic_map
+from cellmap import ForcedSystem, Status, angle, set_threads, stroboscopic_map
 from cellmap._compiled.codegen.kernel import flow_kernel
 from cellmap._compiled.kernels.blocks import LANES
 from cellmap._compiled.machine_code import machine_code
-from cellmap._lib.threads import set_threads
-from cellmap.maps.orbit_batch import CHUNK, Status
+from cellmap.maps.orbit_batch import CHUNK
 
 SPANS: dict[str, tuple[float, ...]] = {
     "pendulum, 3 mm": (pi, 500.0),

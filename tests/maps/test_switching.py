@@ -27,11 +27,10 @@ from discontinuous_systems import (
     table,
 )
 
-from cellmap import ForcedSystem, stroboscopic_map
+from cellmap import ForcedSystem, Status, set_threads, stroboscopic_map
 from cellmap._compiled.kernels.blocks import LANES
-from cellmap._lib.threads import set_threads
 from cellmap.maps import jacobian
-from cellmap.maps.orbit_batch import CHUNK, Status
+from cellmap.maps.orbit_batch import CHUNK
 from systems import (
     dimensionless_pendulum,
     double_pendulum,

@@ -17,11 +17,10 @@ from discontinuous_systems import (
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from cellmap import ForcedSystem, stroboscopic_map, trajectory
+from cellmap import ForcedSystem, Status, stroboscopic_map, trajectory
 from cellmap._compiled.codegen.kernel import switching_kernel
 from cellmap._compiled.kernels.blocks import LANES
 from cellmap.maps import jacobian
-from cellmap.maps.orbit_batch import Status
 from cellmap.orbits import lyapunov_spectrum
 from systems import (
     dimensionless_pendulum,

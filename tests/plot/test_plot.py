@@ -17,6 +17,7 @@ from cellmap import (
     Basins,
     CellGrid,
     Coordinate,
+    Label,
     angle,
     bifurcation_diagram,
     discrete_map,
@@ -25,7 +26,6 @@ from cellmap import (
     plot,
     stroboscopic_map,
 )
-from cellmap.attractors.labels import Label
 from cellmap.plot._axes import multiple_of_pi
 from cellmap.plot._colours import CODE_COLOURS, COLOURS, label_colours
 

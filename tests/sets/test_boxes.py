@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellmap import CellGrid, angle, discrete_map, set_threads
+from cellmap import CellGrid, Coordinate, angle, discrete_map, set_threads
 from cellmap._compiled.kernels.box_images import points_of_cells
-from cellmap.maps.coordinates import Coordinate
 from cellmap.maps.grid import Locator
 from cellmap.sets import BoxSet, box_image, box_transitions
 from systems import henon_map

@@ -9,8 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from textbook_systems import BRANCHING, IMPACTS, SMOOTH, STIFF, TAU, forced, van_der_pol
 
-from cellmap import CellGrid, find_basins, stroboscopic_map
-from cellmap.attractors.labels import Label
+from cellmap import CellGrid, Label, find_basins, stroboscopic_map
 from cellmap.maps.coordinates import difference
 from cellmap.orbits import Kind
 

@@ -18,7 +18,8 @@ from cellmap._compiled.codegen.expression import in_order
 from cellmap._compiled.codegen.filippov import SwitchingTrace, switching_trace
 from cellmap._compiled.codegen.kernel import traced_switching
 from cellmap._compiled.kernels.blocks import LANES
-from cellmap.maps.point_map import ToleranceWarning, warn_of_tolerance
+from cellmap.maps import ToleranceWarning
+from cellmap.maps.point_map import warn_of_tolerance
 
 NAMES = ("F",)
 

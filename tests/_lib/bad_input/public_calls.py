@@ -293,7 +293,9 @@ def public_things() -> Mapping[str, Any]:
 
 
 MADE_BY = {
-    name: makers(member) for name, member in public_things().items() if inspect.isclass(member) and makers(member)
+    name: makers(member)
+    for name, member in public_things().items()
+    if inspect.isclass(member) and member.__module__.startswith("cellmap.") and makers(member)
 }
 """Where records come from, as errors say it."""
 

@@ -19,8 +19,9 @@ import pytest
 from checkpointed_runs import CASES, DUFFING, TABLE, assert_same, pendulum
 
 from cellmap import Basins, CellGrid, find_basins, interpolated_map, load_basins
-from cellmap._lib.files import locked, written_whole
+from cellmap._lib.files import locked
 from cellmap.basins import StoreError
+from cellmap.utils import written_whole
 
 PROGRAM = """
 import sys

@@ -16,8 +16,7 @@ import pytest
 from stored_basins import CASES, GRID, assert_same, pendulum
 
 import cellmap
-from cellmap import CellGrid, find_basins, load_basins, save_basins
-from cellmap.attractors.labels import Label
+from cellmap import CellGrid, Label, find_basins, load_basins, save_basins
 
 # --- round trip
 

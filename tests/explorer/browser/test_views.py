@@ -25,8 +25,7 @@ from browser_pages import (
 )
 from playwright.sync_api import Browser, Page
 
-from cellmap import CellGrid, find_basins, stroboscopic_map
-from cellmap.attractors.labels import Label
+from cellmap import CellGrid, Label, find_basins, stroboscopic_map
 from cellmap.basins import BasinFrame
 from cellmap.explorer import Explorer
 from cellmap.explorer.protocol import LOWEST

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cellmap import ForcedSystem, angle, trajectory
-from cellmap._lib.files import StoreError
+from cellmap.basins import StoreError
 from cellmap.maps import Trajectory
 from systems.lab import (
     Bar,
