@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import one_of
-from .._lib.conversions import ConvertsToXarray
+from .._lib.records import Array, ConvertsToXarray, Layout
 from .._lib.signatures import checked
 from ..attractors.labels import LABEL_NAMES
 from ..maps.coordinates import Coordinate
@@ -66,6 +66,21 @@ class BasinContinuation(ConvertsToXarray):
         Wall time and steps of the map.
     """
 
+    _layout: ClassVar = Layout(
+        "Basin fractions of {0.system}",
+        {
+            "values": Array("{parameter}", "{0.parameter}", "{parameter}"),
+            "labels": Array("label", name="label", flags="_meanings"),
+        },
+        {
+            "counts": Array("{parameter} label", "initial conditions with the label", unit="1"),
+            "fractions": Array("{parameter} label", "fraction of the initial conditions", unit="1"),
+            "standard_errors": Array("{parameter} label", "standard error of the fraction"),
+            "present": Array("{parameter} label", "the attractor exists, or the label occurs"),
+            "inaccurate": Array("{parameter}", "orbits that missed the tolerance"),
+        },
+    )
+
     system: str
     parameter: str
     values: Floats
@@ -108,6 +123,10 @@ class BasinContinuation(ConvertsToXarray):
         """Whether each attractor exists at each value, shape (n, m); for negative labels, whether they occur."""
         there = np.array([[k in found for k in self.labels] for found in self.attractors], bool)
         return there.reshape(self.counts.shape) | (self.counts > 0)
+
+    @property
+    def _meanings(self) -> dict[int, str]:
+        return {label: self.label_name(label) for label in self.labels}
 
     @checked
     def label_name(self, label: int) -> str:

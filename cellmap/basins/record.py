@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from .._compiled.kernels.counting import count_labels
 from .._lib.arrays import Floats, Ints
 from .._lib.checks import affordable_number, one_of
-from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray, ShownAsHtml
 from .._lib.randomness import Rng
+from .._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Layout, ShownAsHtml
 from .._lib.signatures import checked
 from .._lib.threads import slices
 from ..attractors.labels import LABEL_NAMES
@@ -83,6 +83,15 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
         The map; None after loading from a file.
     """
 
+    _layout: ClassVar = Layout(
+        "Basins of attraction of {0.name}",
+        {},
+        {
+            "labels": Array("{cells}", "label of the attractor", flags="_meanings"),
+            "settling_time": Array("{cells}", "settling time in steps of the map", comment="-1 without attractor"),
+        },
+    )
+
     labels: NDArray[np.int16]
     attractors: tuple[Attractor, ...]
     settling_time: NDArray[np.int32]
@@ -101,11 +110,15 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
         parts = "; ".join(f"{self.label_name(k)} {100 * f.fraction:.4g} %" for k, f in self.fractions.items())
         return f"Basins({self.name}, {self.labels.size:,} initial conditions: {parts})"
 
+    @property
+    def _meanings(self) -> dict[int, str]:
+        """Names of all labels that there may be."""
+        return dict(enumerate(distinct_names(self.attractors))) | LABEL_NAMES
+
     @checked
     def label_name(self, label: int) -> str:
         """Return the meaning of a label."""
-        one_of("label", label, (*range(len(self.attractors)), *LABEL_NAMES))
-        return distinct_names(self.attractors)[label] if label >= 0 else LABEL_NAMES[label]
+        return self._meanings[one_of("label", label, tuple(self._meanings))]
 
     @property
     def fractions(self) -> dict[int, Fraction]:

@@ -276,8 +276,7 @@ def _write(file: h5py.Group, basins: Basins) -> None:
     for name in ("labels", "settling_time"):
         if name not in file:
             _add_array(file, name, getattr(basins, name))
-    names = {k: basins.label_name(k) for k in range(len(basins.attractors))} | dict(LABEL_NAMES)
-    put_text(file["labels"], "meaning", json.dumps(names))
+    put_text(file["labels"], "meaning", json.dumps(basins._meanings))
     put_text(file["settling_time"], "unit", "periods")
     if basins.grid is not None:
         grid = file.create_group("grid")

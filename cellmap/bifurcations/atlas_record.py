@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .._lib.arrays import Floats, Ints
 from .._lib.checks import whole_number
 from .._lib.computed import computed_once
-from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
+from .._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Layout
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate
 from .atlas_families import AtlasKind
@@ -100,6 +100,21 @@ class AttractorAtlas(ConvertsToXarray, ConvertsToDataFrame):
         Arguments of :func:`attractor_atlas`.
     """
 
+    _layout: ClassVar = Layout(
+        "Attractors of {0.system}",
+        {
+            "x": Array("{x}", "{0.parameters[0]}", "{x}"),
+            "y": Array("{y}", "{0.parameters[1]}", "{y}"),
+            "_family_names": Array("family", name="family"),
+        },
+        {
+            "number": Array("{y} {x}", "attractors found", unit="1"),
+            "_fractions": Array("family {y} {x}", "fraction of the initial conditions", "fractions", "1"),
+            "escaped": Array("{y} {x}", "orbits that terminated"),
+            "undecided": Array("{y} {x}", "orbits that neither converged nor are chaotic"),
+        },
+    )
+
     system: str
     parameters: tuple[str, str]
     x: Floats
@@ -136,6 +151,17 @@ class AttractorAtlas(ConvertsToXarray, ConvertsToDataFrame):
         found = np.zeros(self.escaped.shape, np.int64)
         np.add.at(found, (self.rows, self.columns), 1)
         return found
+
+    @property
+    def _family_names(self) -> tuple[str, ...]:
+        """Names of the families."""
+        return tuple(family.name for family in self.families)
+
+    @property
+    def _fractions(self) -> Floats:
+        """Fraction of initial conditions that converge to each family, shape (families, ny, nx)."""
+        parts = [self.fraction(k) for k in range(len(self.families))]
+        return np.array(parts).reshape(len(parts), self.y.size, self.x.size)
 
     @checked
     def fraction(self, family: int) -> Floats:

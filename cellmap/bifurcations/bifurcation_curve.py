@@ -10,7 +10,7 @@ import numpy as np
 
 from .._lib.arrays import Complexes, Floats
 from .._lib.checks import whole_number
-from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
+from .._lib.records import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, wrap
 from ..maps.point_map import PointMap

@@ -11,7 +11,7 @@ import numpy as np
 from .._lib.arrays import Complexes, Floats, Ints
 from .._lib.checks import finite_number, whole_number
 from .._lib.computed import computed_once
-from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
+from .._lib.records import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.point_map import PointMap
 from ..orbits.multipliers import unstable_count

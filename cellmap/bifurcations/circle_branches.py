@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from .._lib.arrays import Floats, Ints
 from .._lib.checks import known_parameter, monotone_values, whole_number
-from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
+from .._lib.records import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from .._lib.stopping import check_stop
 from .._lib.threads import progress_bar

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +21,7 @@ from .._lib.checks import (
     shown,
     whole_number,
 )
-from .._lib.conversions import ConvertsToDataFrame, ConvertsToXarray
+from .._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Layout
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, difference, state_points, turns_of, wrap
 from ..maps.orbit_batch import Status
@@ -75,6 +75,25 @@ class BifurcationDiagram(ConvertsToXarray, ConvertsToDataFrame):
     point_map : PointMap or None
         The map; None for a diagram that was read from a file without it.
     """
+
+    _layout: ClassVar = Layout(
+        "Bifurcation diagram of {0.system}",
+        {
+            "values": Array("{parameter}", "{0.parameter}", "{parameter}"),
+            "directions": Array("branch", name="direction"),
+            "initial_conditions": Array("branch coordinate", name="initial_condition"),
+        },
+        {
+            "points": Array("branch {parameter} step", name="{state}"),
+            "status": Array("branch {parameter}", "status of the orbit", flags=Status),
+            "restarted": Array("branch {parameter}"),
+            "period": Array("branch {parameter}", "period in steps of the map; 0 without one", "orbit_period"),
+            "chaotic": Array("branch {parameter}"),
+            "rotation_numbers": Array("branch {parameter} coordinate"),
+            "exponents": Array("branch {parameter} exponent", "Lyapunov exponents per step of the map"),
+            "standard_errors": Array("branch {parameter} exponent", name="exponent_errors"),
+        },
+    )
 
     system: str
     parameter: str

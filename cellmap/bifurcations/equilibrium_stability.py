@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._lib.arrays import Floats, Ints
 from .._lib.checks import affordable_number, claim_memory
-from .._lib.conversions import ConvertsToXarray
+from .._lib.records import Array, ConvertsToXarray, Layout
 from .._lib.signatures import checked
+from ..maps.orbit_batch import Status
 from ..maps.point_map import PointMap
 from ..maps.system import ForcedSystem
 from ..orbits.attractor import Attractor
@@ -101,6 +103,16 @@ class StabilityMap(ConvertsToXarray):
     rows, columns : Boundary
         Stability boundaries, refined in x at every value of y, and in y at every value of x.
     """
+
+    _layout: ClassVar = Layout(
+        "Stability map",
+        {"x": Array("{x}", "{0.parameters[0]}", "{x}"), "y": Array("{y}", "{0.parameters[1]}", "{y}")},
+        {
+            "largest": Array("{y} {x}", "largest modulus of the multipliers", unit="1"),
+            "unstable": Array("{y} {x}", "multipliers outside the unit circle; -1 where unknown"),
+            "status": Array("{y} {x}", flags=Status),
+        },
+    )
 
     parameters: tuple[str, str]
     x: Floats

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
-from typing import Any
+from types import NoneType
+from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from .._lib.checkpoint import plain
+from .._lib.records import Array, Layout
 from ..maps.coordinates import Coordinate
+from ..maps.grid import CellGrid
+from ..maps.orbit_batch import Cost
 
 CONVENTIONS = "CF-1.11"
+
+_PLAIN = (str, int, float, Coordinate, CellGrid, Cost)  # types of fields that are attributes
 
 _OWN = (
     "labels settling_time evidence forward backward initial_condition attractor attractors point coordinate multiplier "
@@ -73,21 +79,90 @@ def enum_flags(kind: Any, dtype: Any) -> dict[str, Any]:
 
 
 def about(record: Any, title: str, /, **more: Any) -> dict[str, Any]:
-    """Return attributes of a whole file: what it holds, of which system, with which parameters and settings."""
+    """Return attributes of a whole file: what it holds, and by what it was written."""
     from .. import __version__
 
-    found: dict[str, Any] = {"Conventions": CONVENTIONS, "title": title, "source": f"cellmap {__version__}"}
-    found["record"] = type(record).__name__
-    system = getattr(record, "system", getattr(record, "name", None))
-    if isinstance(system, str):
-        found["system"] = system
-    for name in ("params", "settings", "undecided"):
-        value = getattr(record, name, None)
-        if value is not None and not isinstance(value, np.ndarray):
-            found[name] = json.dumps(plain(value))
-    if hasattr(record, "coordinates"):  # a name that netCDF has taken
-        found["state_variables"] = json.dumps([asdict(c) for c in record.coordinates])
-    for name in ("grid", "cost"):
-        if getattr(record, name, None) is not None:
-            found[name] = json.dumps(plain(asdict(getattr(record, name))))
-    return found | more
+    whole = {"Conventions": CONVENTIONS, "title": title, "source": f"cellmap {__version__}"}
+    return whole | {"record": type(record).__name__} | more
+
+
+def encoded(value: Any) -> Any:
+    """Return a value as an attribute: text and numbers as they are, all else as JSON."""
+    return value if isinstance(value, str | int | float) else json.dumps(plain(value))
+
+
+def decoded(kind: Any, value: Any) -> Any:
+    """Return the value of a field of a type from its attribute."""
+    if kind in (str, int, float):
+        return kind(value)
+    found, inner = json.loads(value), get_args(kind)
+    if get_origin(kind) is tuple:
+        return tuple(inner[0](**one) if isinstance(one, dict) else one for one in found)
+    if get_origin(kind) is Mapping:
+        if inner[1] is float:
+            return {name: float(number) for name, number in found.items()}
+        return Counter(found) if inner[1] is int else found
+    return kind(**found)
+
+
+def attribute_fields(record: type) -> dict[str, tuple[str, Any]]:
+    """Return the attributes that fields of a record are, and their types, by the fields' names."""
+    layout: Layout = record._layout  # type: ignore[attr-defined]
+    names = {"name": "system", "coordinates": "state_variables", **layout.attributes}
+    found = {}
+    for field, hint in get_type_hints(record).items():
+        kind = (
+            next((one for one in get_args(hint) if one is not NoneType), hint) if NoneType in get_args(hint) else hint
+        )
+        within = get_args(kind)[0] if get_origin(kind) is tuple else kind
+        if field not in {**layout.coords, **layout.variables} and (get_origin(kind) is Mapping or within in _PLAIN):
+            found[field] = (names.get(field, field), kind)
+    return found
+
+
+class Variable(NamedTuple):
+    """A variable of a record: the field that it is, its place on the field's last axis or None, dimensions."""
+
+    field: str
+    place: int | None
+    dims: tuple[str, ...]
+    about: Array
+
+
+def variables_of(arrays: Mapping[str, Array], record: Any) -> dict[str, Variable]:
+    """Return variables by their names; of the record its parameters, coordinates and cells have to be known."""
+    names = names_of(record)
+    found = {}
+    for field, array in arrays.items():
+        dims = tuple(array.dims.format(**names).split())
+        if "{state}" in array.name:
+            for j, state in enumerate(names["states"]):
+                found[array.name.format(state=state)] = Variable(field, j, dims, array)
+        else:
+            found[array.name.format(**names) or field] = Variable(field, None, dims, array)
+    return found
+
+
+def names_of(record: Any) -> dict[str, Any]:
+    """Return the names of dimensions that a record gives, by what layouts call them."""
+    parameters = [record.parameter] if hasattr(record, "parameter") else list(getattr(record, "parameters", ()))
+    found = variable_names([*parameters, *(c.name for c in getattr(record, "coordinates", ()))])
+    own, states = found[: len(parameters)], found[len(parameters) :]
+    cells = states
+    if getattr(record, "grid", None) is None and hasattr(record, "initial_conditions"):
+        axes = np.ndim(record.initial_conditions) - 1
+        cells = ["initial_condition"] if axes == 1 else [f"initial_condition_{j}" for j in range(axes)]
+    return {
+        "states": states,
+        "cells": " ".join(cells),
+        **dict(zip(("x", "y"), own, strict=False)),
+        "parameter": "".join(own[:1]),
+    }
+
+
+def values_of(record: Any, variable: Variable) -> Any:
+    """Return the values of a variable."""
+    values = getattr(record, variable.field)
+    if isinstance(values, tuple):
+        return np.array(values, np.int16 if all(isinstance(value, int) for value in values) else object)
+    return values if variable.place is None else values[..., variable.place]

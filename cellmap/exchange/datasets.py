@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict
 from functools import singledispatch
 from typing import Any
 
 import numpy as np
 
 from .._lib.checks import shown
-from ..attractors.labels import LABEL_NAMES
+from .._lib.records import Layout
 from ..basins.certification.certificate import Certificate, Evidence
 from ..basins.continuation_record import BasinContinuation
 from ..basins.record import Basins
-from ..bifurcations.atlas_record import AttractorAtlas
 from ..bifurcations.bifurcation_curve import BifurcationCurve
 from ..bifurcations.branch import Branch
 from ..bifurcations.circle_branches import CircleBranch
@@ -25,15 +22,28 @@ from ..bifurcations.diagram import BifurcationDiagram
 from ..bifurcations.equilibrium_stability import StabilityMap
 from ..bifurcations.period_measures import OrbitFunction, Quantity
 from ..maps.grid import CellGrid
-from ..maps.orbit_batch import Status
-from ..orbits.exponent_fields import ExponentField
 from .attractor_group import attractor_group
 from .branch_records import solutions_of
-from .conventions import about, coordinate_attributes, enum_flags, flags, variable_names
+from .conventions import (
+    Variable,
+    about,
+    attribute_fields,
+    coordinate_attributes,
+    encoded,
+    enum_flags,
+    flags,
+    names_of,
+    values_of,
+    variable_names,
+    variables_of,
+)
 from .optional import xarray_package
 from .tables import columns_of, function_columns
 
 _ROWS = "point"  # dimension of the rows of tables
+_COLUMNS = {"fraction": np.float64, "standard_error": np.float64, "count": np.int64}  # of the attractors of basins
+BOUNDARY = ("x", "y", "crossing", "below", "above")
+"""Fields of the points of a stability boundary."""
 
 
 def to_xarray(result: Any, functions: Mapping[str, Quantity | OrbitFunction] | None = None) -> Any:
@@ -93,164 +103,110 @@ Branch, BifurcationCurve, CircleBranch, ConnectionBranch or TangencyCurve
 
 @singledispatch
 def _converted(result: Any) -> Any:
-    raise TypeError(
-        f"result={shown(result)}: give Basins, a Certificate, a BasinContinuation, a BifurcationDiagram, a "
-        "StabilityMap, an AttractorAtlas, an ExponentField, a Branch or a curve"
-    )
+    if getattr(result, "_layout", None) is None or isinstance(result, type):
+        raise TypeError(
+            f"result={shown(result)}: give Basins, a Certificate, a BasinContinuation, a BifurcationDiagram, a "
+            "StabilityMap, an AttractorAtlas, an ExponentField, a Branch, a curve, or another record with to_xarray"
+        )
+    return dataset_of(result)
+
+
+def dataset_of(record: Any) -> Any:
+    """Return a record as a Dataset, by its layout."""
+    layout: Layout = record._layout
+    parts: list[dict[str, Any]] = [
+        {name: (v.dims, values_of(record, v), _about(record, v)) for name, v in variables_of(arrays, record).items()}
+        for arrays in (layout.coords, layout.variables)
+    ]
+    coords, variables = parts
+    dims = {dim for part in parts for dims, _, _ in part.values() for dim in dims}
+    names = names_of(record)
+    if "{cells}" in {array.dims for array in layout.variables.values()}:
+        for j, (name, c) in enumerate(zip(names["states"], record.coordinates, strict=True)):
+            own = record.initial_conditions[..., j] if record.grid is None else record.grid.axis(j)
+            coords[name] = (names["cells"].split() if record.grid is None else name, own, coordinate_attributes(c))
+    if "coordinate" in dims:
+        coords["coordinate"] = ("coordinate", np.array([c.name for c in record.coordinates], object))
+    attributes = about(record, layout.title.format(record))
+    for field, (name, _) in attribute_fields(type(record)).items():
+        if getattr(record, field) is not None:
+            attributes[name] = encoded(getattr(record, field))
+    return xarray_package().Dataset(variables, coords, attributes)
+
+
+def _about(record: Any, variable: Variable) -> dict[str, Any]:
+    array = variable.about
+    if variable.place is not None:
+        return coordinate_attributes(record.coordinates[variable.place])
+    found = {"long_name": array.about.format(record), "units": array.unit, "comment": array.comment}
+    found = {name: text for name, text in found.items() if text}
+    if not array.flags:
+        return found
+    kind = values_of(record, variable).dtype
+    if isinstance(array.flags, str):
+        return found | flags(getattr(record, array.flags), kind)
+    return found | enum_flags(array.flags, kind)
 
 
 @_converted.register
 def _(result: Basins) -> Any:
-    return _basins_tree(result, {}, {})
+    found = dataset_of(result)
+    if result.point_map is not None:
+        found.attrs["map_period"] = result.point_map.period
+    parts = [result.fractions[k] for k in range(len(result.attractors))]
+    columns = {name: np.array([getattr(s, name) for s in parts], kind) for name, kind in _COLUMNS.items()}
+    labels = range(len(result.attractors))
+    return _with_attractors(found, attractor_group(result.attractors, labels, result.coordinates, **columns))
 
 
 @_converted.register
 def _(result: Certificate) -> Any:
+    tree = _converted(result.basins)
     evidence = {"long_name": "evidence for the label", **enum_flags(Evidence, np.uint8)}
-    more = {
+    tree = tree.assign(evidence=xarray_package().Variable(tree["labels"].dims, result.evidence, evidence))
+    tree.attrs |= {
         "record": "Certificate",
         "recomputed": result.redone,
         "changed": result.changed,
         "wrong_95_percent": np.array(result.wrong),
-        "audit": json.dumps(asdict(result.audit)),
-        "cost_of_certificate": json.dumps(asdict(result.cost)),
+        "audit": encoded(result.audit),
+        "cost_of_certificate": encoded(result.cost),
     }
-    return _basins_tree(result.basins, {"evidence": (result.evidence, evidence)}, more)
-
-
-def _basins_tree(basins: Basins, more: dict[str, tuple[Any, dict[str, Any]]], attributes: dict[str, Any]) -> Any:
-    names = variable_names(c.name for c in basins.coordinates)
-    described = [coordinate_attributes(c) for c in basins.coordinates]
-    if basins.grid is not None:
-        dims = tuple(names)
-        coords = {n: (n, basins.grid.axis(j), described[j]) for j, n in enumerate(names)}
-    else:
-        states = np.asarray(basins.initial_conditions)
-        axes = states.ndim - 1
-        dims = ("initial_condition",) if axes == 1 else tuple(f"initial_condition_{j}" for j in range(axes))
-        coords = {n: (dims, states[..., j], described[j]) for j, n in enumerate(names)}  # type: ignore[misc]
-    labels = {**dict(enumerate(basins.label_name(k) for k in range(len(basins.attractors)))), **LABEL_NAMES}
-    arrays: dict[str, tuple[Any, dict[str, Any]]] = {
-        "labels": (basins.labels, {"long_name": "label of the attractor", **flags(labels, basins.labels.dtype)}),
-        "settling_time": (
-            basins.settling_time,
-            {"long_name": "settling time in steps of the map", "comment": "-1 without attractor"},
-        ),
-        **more,
-    }
-    root = about(basins, f"Basins of attraction of {basins.name}", inaccurate=basins.inaccurate, **attributes)
-    if basins.point_map is not None:
-        root["map_period"] = basins.point_map.period
-    parts = [basins.fractions[k] for k in range(len(basins.attractors))]
-    group = attractor_group(
-        basins.attractors,
-        range(len(basins.attractors)),
-        basins.coordinates,
-        fraction=np.array([s.fraction for s in parts]),
-        standard_error=np.array([s.standard_error for s in parts]),
-        count=np.array([s.count for s in parts], np.int64),
-    )
-    variables = {name: (dims, values, attrs) for name, (values, attrs) in arrays.items()}
-    return _tree(variables, coords, root, group)
+    return tree
 
 
 @_converted.register
 def _(result: BasinContinuation) -> Any:
-    (parameter,) = variable_names([result.parameter])
-    meanings = {label: result.label_name(label) for label in result.labels}
-    codes = np.array(result.labels, np.int16)
-    both = (parameter, "label")
-    variables = {
-        "counts": (both, result.counts, {"long_name": "initial conditions with the label", "units": "1"}),
-        "fractions": (both, result.fractions, {"long_name": "fraction of the initial conditions", "units": "1"}),
-        "standard_errors": (both, result.standard_errors, {"long_name": "standard error of the fraction"}),
-        "present": (both, result.present, {"long_name": "the attractor exists, or the label occurs"}),
-        "inaccurate": (parameter, result.inaccurate, {"long_name": "orbits that missed the tolerance"}),
-    }
-    coords = {
-        parameter: (parameter, result.values, {"long_name": result.parameter}),
-        "label": ("label", codes, flags(meanings, codes.dtype)),
-    }
-    found = [(k, label, a) for k, there in enumerate(result.attractors) for label, a in sorted(there.items())]
-    group = attractor_group(
-        [a for _, _, a in found],
-        [label for _, label, _ in found],
-        result.coordinates,
-        parameter_value=result.values[[k for k, _, _ in found]],
-        value_number=np.array([k for k, _, _ in found], np.int64),
-    )
+    found = dataset_of(result).assign_attrs(total=result.total)
     given = result.initial_conditions
     if isinstance(given, CellGrid):
-        more = {"grid": json.dumps(asdict(given))}
+        found.attrs["grid"] = encoded(given)
     else:
-        more = {}
         axes = [f"initial_condition_{j}" for j in range(given.ndim - 1)]
-        variables["initial_conditions"] = ((*axes, "state"), given, {"long_name": "initial conditions"})
-    root = about(result, f"Basin fractions of {result.system}", total=result.total, parameter=result.parameter, **more)
-    return _tree(variables, coords, root, group)
+        found["initial_conditions"] = ((*axes, "state"), given, {"long_name": "initial conditions"})
+    here = [(k, label, a) for k, there in enumerate(result.attractors) for label, a in sorted(there.items())]
+    places = np.array([k for k, _, _ in here], np.int64)
+    labels, attractors = [label for _, label, _ in here], [a for _, _, a in here]
+    columns = {"parameter_value": result.values[places], "value_number": places}
+    return _with_attractors(found, attractor_group(attractors, labels, result.coordinates, **columns))
 
 
-def _tree(variables: Any, coords: Any, attributes: dict[str, Any], group: Any) -> Any:
-    xarray = xarray_package()
-    root = xarray.Dataset(variables, coords=coords, attrs=attributes)
-    return xarray.DataTree.from_dict({"/": root, "/attractors": group})
-
-
-@_converted.register
-def _(result: BifurcationDiagram) -> Any:
-    parameter, *states = variable_names([result.parameter, *(c.name for c in result.coordinates)])
-    both = ("branch", parameter)
-    variables = {
-        **{
-            name: ((*both, "step"), result.points[..., j], coordinate_attributes(c))
-            for j, (name, c) in enumerate(zip(states, result.coordinates, strict=True))
-        },
-        "status": (both, result.status, {"long_name": "status of the orbit", **enum_flags(Status, np.uint8)}),
-        "restarted": (both, result.restarted),
-        "orbit_period": (both, result.period, {"long_name": "period in steps of the map; 0 without one"}),
-        "chaotic": (both, result.chaotic),
-        "rotation_numbers": ((*both, "coordinate"), result.rotation_numbers),
-        "exponents": ((*both, "exponent"), result.exponents, {"long_name": "Lyapunov exponents per step of the map"}),
-        "exponent_errors": ((*both, "exponent"), result.standard_errors),
-    }
-    coords = {
-        parameter: (parameter, result.values, {"long_name": result.parameter}),
-        "direction": ("branch", np.array(result.directions, object)),
-        "coordinate": np.array([c.name for c in result.coordinates], object),
-        "initial_condition": (("branch", "coordinate"), result.initial_conditions),
-    }
-    attributes = about(result, f"Bifurcation diagram of {result.system}", parameter=result.parameter)
-    return xarray_package().Dataset(variables, coords=coords, attrs=attributes)
+def _with_attractors(root: Any, group: Any) -> Any:
+    return xarray_package().DataTree.from_dict({"/": root, "/attractors": group})
 
 
 @_converted.register
 def _(result: StabilityMap) -> Any:
-    x, y = variable_names(result.parameters)
     sides = (result.rows, result.columns)
-    fields = ("x", "y", "crossing", "below", "above")
-    points = {name: np.concatenate([getattr(side, name) for side in sides]) for name in fields}
-    refined = np.repeat(np.array([0, 1], np.int8), list(map(len, sides)))
-    variables = {
-        "largest": ((y, x), result.largest, {"long_name": "largest modulus of the multipliers", "units": "1"}),
-        "unstable": ((y, x), result.unstable, {"long_name": "multipliers outside the unit circle; -1 where unknown"}),
-        "status": ((y, x), result.status, enum_flags(Status, np.uint8)),
-        "crossing": ("boundary", points["crossing"], enum_flags(Crossing, points["crossing"].dtype)),
-        "below": ("boundary", points["below"]),
-        "above": ("boundary", points["above"]),
-        "refined": (
-            "boundary",
-            refined,
-            {"long_name": "parameter in which the point is refined", **flags({0: x, 1: y}, np.int8)},
-        ),
-    }
-    coords = {
-        x: (x, result.x, {"long_name": result.parameters[0]}),
-        y: (y, result.y, {"long_name": result.parameters[1]}),
-        f"boundary_{x}": ("boundary", points["x"]),
-        f"boundary_{y}": ("boundary", points["y"]),
-    }
-    attributes = about(result, "Stability map", parameters=json.dumps(result.parameters))
-    return xarray_package().Dataset(variables, coords=coords, attrs=attributes)
+    points = {name: np.concatenate([getattr(side, name) for side in sides]) for name in BOUNDARY}
+    found, (x, y) = dataset_of(result), variable_names(result.parameters)
+    about_refined = {"long_name": "parameter in which the point is refined", **flags({0: x, 1: y}, np.int8)}
+    along = "boundary"
+    found = found.assign_coords({f"boundary_{n}": (along, points[k]) for n, k in ((x, "x"), (y, "y"))})
+    found["crossing"] = (along, points["crossing"], enum_flags(Crossing, points["crossing"].dtype))
+    found["below"], found["above"] = (along, points["below"]), (along, points["above"])
+    found["refined"] = (along, np.repeat(np.array([0, 1], np.int8), list(map(len, sides))), about_refined)
+    return found
 
 
 @_converted.register(Branch)
@@ -266,6 +222,8 @@ def _(result: Branch | BifurcationCurve | CircleBranch | ConnectionBranch | Tang
         for name, values in zip(names, columns.values(), strict=True)
     }
     ends = {} if isinstance(result, CircleBranch) else {"ends": ", ".join(result.ends)}
+    if isinstance(result, CircleBranch | TangencyCurve):
+        ends["state_variables"] = encoded(result.coordinates)
     coords: dict[str, Any] = {}
     if isinstance(result, Branch | BifurcationCurve):
         coords, further = solutions_of(result)
@@ -273,42 +231,3 @@ def _(result: Branch | BifurcationCurve | CircleBranch | ConnectionBranch | Tang
     if isinstance(result, BifurcationCurve):
         ends["kind"] = str(result.kind)
     return xarray_package().Dataset(variables, coords, about(result, type(result).__name__, **ends))
-
-
-@_converted.register
-def _(result: AttractorAtlas) -> Any:
-    x, y = variable_names(result.parameters)
-    families = range(len(result.families))
-    fractions = np.array([result.fraction(k) for k in families]).reshape(len(families), result.y.size, result.x.size)
-    variables = {
-        "number": ((y, x), result.number, {"long_name": "attractors found", "units": "1"}),
-        "fractions": (("family", y, x), fractions, {"long_name": "fraction of the initial conditions", "units": "1"}),
-        "escaped": ((y, x), result.escaped, {"long_name": "orbits that terminated"}),
-        "undecided": ((y, x), result.undecided, {"long_name": "orbits that neither converged nor are chaotic"}),
-    }
-    coords = {
-        x: (x, result.x, {"long_name": result.parameters[0]}),
-        y: (y, result.y, {"long_name": result.parameters[1]}),
-        "family": ("family", np.array([family.name for family in result.families], object)),
-    }
-    return xarray_package().Dataset(variables, coords=coords, attrs=about(result, f"Attractors of {result.system}"))
-
-
-@_converted.register
-def _(result: ExponentField) -> Any:
-    names = variable_names(c.name for c in result.coordinates)
-    coords = {
-        name: (name, result.grid.axis(j), coordinate_attributes(c))
-        for j, (name, c) in enumerate(zip(names, result.coordinates, strict=True))
-    }
-    variables = {
-        "forward": (names, result.forward, {"long_name": "forward exponent per step of the map", "units": "1"}),
-        "backward": (names, result.backward, {"long_name": "backward exponent per step, at the image", "units": "1"}),
-        **{
-            f"image_{name}": (names, result.images[..., j], coordinate_attributes(c))
-            for j, (name, c) in enumerate(zip(names, result.coordinates, strict=True))
-        },
-    }
-    title = f"Finite-time Lyapunov exponents of {result.name}"
-    attributes = about(result, title, periods=result.periods, map_period=result.period)
-    return xarray_package().Dataset(variables, coords=coords, attrs=attributes)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import importlib
 import json
-from collections import Counter
+import pkgutil
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from typing import Any
+from dataclasses import MISSING, fields, replace
+from types import SimpleNamespace
+from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import shown
+from .._lib.records import Layout
 from ..attractors.labels import LABEL_NAMES
 from ..basins.certification.certificate import Certificate, Evidence
 from ..basins.continuation_record import BasinContinuation
@@ -23,11 +26,10 @@ from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
 from ..maps.point_map import PointMap
-from ..orbits.exponent_fields import ExponentField
 from .attractor_group import attractors_of
 from .branch_records import OtherMapError, rebuilt
-from .conventions import variable_names
-from .datasets import to_xarray
+from .conventions import attribute_fields, decoded, variable_names, variables_of
+from .datasets import BOUNDARY, to_xarray
 from .optional import xarray_package
 
 
@@ -72,14 +74,14 @@ def from_xarray(tree: Any, point_map: PointMap | None = None) -> Any:
     if not isinstance(tree, xarray.DataTree | xarray.Dataset):
         raise TypeError(f"tree={shown(tree)}: give a DataTree or a Dataset of xarray, as to_xarray returns it")
     kind = tree.attrs.get("record")
-    if not isinstance(kind, str) or kind not in (*_READERS, *_CURVES):
+    read_by = _READERS.get(str(kind)) or _by_layout(kind)
+    if read_by is None:
         raise ValueError(
             f"tree has the attribute record={shown(kind)}: give what to_xarray of this version makes of one of "
-            f"{', '.join((*_READERS, *_CURVES))}"
+            f"{', '.join((*_READERS, 'BifurcationDiagram', 'ExponentField'))}, or another record with a layout"
         )
     try:
-        read = _Read(tree)
-        result = rebuilt(read, point_map) if kind in _CURVES else _READERS[kind](read)
+        result = read_by(_Read(tree), point_map)
         changed = _difference(tree, to_xarray(result))
     except OtherMapError:
         raise
@@ -134,47 +136,48 @@ class _Read:
     def coordinates(self) -> tuple[Coordinate, ...]:
         return tuple(Coordinate(**c) for c in self.json("state_variables"))
 
-    @property
-    def grid(self) -> CellGrid | None:
-        return CellGrid(**self.json("grid")) if "grid" in self.attributes else None
+    def record(self, kind: type, /, **given: Any) -> Any:
+        """Return a record, by its layout, from what is given of it, the attributes and the variables."""
+        attributes = {field: at for field, at in attribute_fields(kind).items() if field not in given}
+        given |= {field: decoded(hint, self.attributes[name]) for field, (name, hint) in attributes.items()}
+        layout: Layout = kind._layout  # type: ignore[attr-defined]
+        known, hints, split = SimpleNamespace(**given), get_type_hints(kind), dict[str, list[NDArray[Any]]]()
+        for name, variable in variables_of({**layout.coords, **layout.variables}, known).items():
+            hint, field = hints.get(variable.field), variable.field
+            if get_origin(hint) is tuple:
+                whole = get_args(hint)[0] is int
+                given[field] = tuple(self.array(name, np.int16).tolist() if whole else map(str, self.tree[name].values))
+            elif hint is not None and field not in given:
+                over_cells = variable.about.dims == "{cells}"
+                array = self.array(name, get_args(get_args(hint)[1])[0], _cells_of(known) if over_cells else None)
+                split.setdefault(field, []).append(array)
+                if variable.place is None:
+                    given[field] = split.pop(field)[0]
+        return kind(**given, **{field: np.stack(arrays, axis=-1) for field, arrays in split.items()})
 
-    @property
-    def params(self) -> Mapping[str, float]:
-        return {name: float(value) for name, value in self.json("params").items()}
 
-    def cost(self, name: str = "cost") -> Cost:
-        return Cost(**self.json(name))
+def _cells_of(known: Any) -> tuple[int, ...]:
+    grid = getattr(known, "grid", None)
+    return tuple(grid.shape) if grid is not None else tuple(known.initial_conditions.shape[:-1])
 
 
-def _basins(read: _Read) -> Basins:
-    coordinates, grid = read.coordinates, read.grid
-    names = variable_names(c.name for c in coordinates)
-    initial_conditions = None if grid is not None else np.stack([read.array(name) for name in names], axis=-1)
-    shape = grid.shape if initial_conditions is None else initial_conditions.shape[:-1]  # type: ignore[union-attr]
+def _basins(read: _Read, _: Any = None) -> Basins:
+    coordinates = read.coordinates
     attractors = tuple(attractors_of(read.tree["attractors"].to_dataset(), coordinates))
-    labels = read.array("labels", np.int16, shape)
+    given: dict[str, Any] = {"attractors": attractors, "initial_conditions": None}
+    if "grid" not in read.attributes:
+        names = variable_names(c.name for c in coordinates)
+        given |= {"grid": None, "initial_conditions": np.stack([read.array(name) for name in names], axis=-1)}
+    basins: Basins = read.record(Basins, **given)
+    labels, times = basins.labels, basins.settling_time
     if labels.size and not min(LABEL_NAMES) <= labels.min() <= labels.max() < len(attractors):
         raise ValueError(f"labels are not between {min(LABEL_NAMES)} and {len(attractors) - 1}")
-    times = read.array("settling_time", np.int32, shape)
     if times.size and times.min() < -1:
         raise ValueError(f"settling_time is {times.min()}")
-    return Basins(
-        labels=labels,
-        attractors=attractors,
-        settling_time=times,
-        grid=grid,
-        initial_conditions=initial_conditions,
-        name=str(read.attributes["system"]),
-        params=read.params,
-        coordinates=coordinates,
-        settings=read.json("settings"),
-        inaccurate=int(read.attributes["inaccurate"]),
-        undecided=Counter(read.json("undecided")),
-        cost=read.cost(),
-    )
+    return basins
 
 
-def _certificate(read: _Read) -> Certificate:
+def _certificate(read: _Read, _: Any = None) -> Certificate:
     basins = _basins(read)
     low, high = np.asarray(read.attributes["wrong_95_percent"]).tolist()
     evidence = read.array("evidence", np.uint8, basins.labels.shape)
@@ -187,106 +190,52 @@ def _certificate(read: _Read) -> Certificate:
         changed=int(read.attributes["changed"]),
         audit=Verification(**read.json("audit")),
         wrong=(low, high),
-        cost=read.cost("cost_of_certificate"),
+        cost=Cost(**read.json("cost_of_certificate")),
     )
 
 
-def _continuation(read: _Read) -> BasinContinuation:
-    parameter, coordinates, grid = str(read.attributes["parameter"]), read.coordinates, read.grid
-    values = read.array(variable_names([parameter])[0])
-    labels = tuple(read.array("label", np.int16).tolist())
+def _continuation(read: _Read, _: Any = None) -> BasinContinuation:
+    in_grid = "grid" in read.attributes
+    given = CellGrid(**read.json("grid")) if in_grid else read.array("initial_conditions")
     group = read.tree["attractors"].to_dataset()
-    attractors: tuple[dict[int, Any], ...] = tuple({} for _ in values)
+    attractors: list[dict[int, Any]] = [{} for _ in range(read.tree["counts"].shape[0])]
     rows = zip(group["value_number"].values.tolist(), group["label"].values.tolist(), strict=True)
-    for (k, label), attractor in zip(rows, attractors_of(group, coordinates), strict=True):
+    for (k, label), attractor in zip(rows, attractors_of(group, read.coordinates), strict=True):
         attractors[k][label] = attractor
-    return BasinContinuation(
-        system=str(read.attributes["system"]),
-        parameter=parameter,
-        values=values,
-        labels=labels,
-        counts=read.array("counts", np.int64, (len(values), len(labels))),
-        attractors=attractors,
-        inaccurate=read.array("inaccurate", np.int64, values.shape),
-        initial_conditions=read.array("initial_conditions") if grid is None else grid,
-        coordinates=coordinates,
-        params=read.params,
-        settings=read.json("settings"),
-        cost=read.cost(),
-    )
+    found: BasinContinuation = read.record(BasinContinuation, attractors=tuple(attractors), initial_conditions=given)
+    return found
 
 
-def _diagram(read: _Read) -> BifurcationDiagram:
-    parameter, coordinates = str(read.attributes["parameter"]), read.coordinates
-    first, *states = variable_names([parameter, *(c.name for c in coordinates)])
-    values = read.array(first)
-    directions = tuple(str(d) for d in read.tree["direction"].values)
-    both = (len(directions), len(values))
-    return BifurcationDiagram(
-        system=str(read.attributes["system"]),
-        parameter=parameter,
-        values=values,
-        directions=directions,
-        initial_conditions=read.array("initial_condition", shape=(len(directions), len(coordinates))),
-        points=np.stack([read.array(name) for name in states], axis=-1),
-        status=read.array("status", np.uint8, both),
-        restarted=read.array("restarted", np.bool_, both),
-        period=read.array("orbit_period", np.int64, both),
-        rotation_numbers=read.array("rotation_numbers", shape=(*both, len(coordinates))),
-        exponents=read.array("exponents"),
-        standard_errors=read.array("exponent_errors"),
-        coordinates=coordinates,
-        params=read.params,
-        settings=read.json("settings"),
-    )
-
-
-def _stability_map(read: _Read) -> StabilityMap:
-    first, second = read.json("parameters")
-    x, y = variable_names([first, second])
-    points = {"x": read.array(f"boundary_{x}"), "y": read.array(f"boundary_{y}")}
-    points |= {name: read.array(name, np.int64) for name in ("crossing", "below", "above")}
+def _stability_map(read: _Read, _: Any = None) -> StabilityMap:
+    x, y = variable_names(read.json("parameters"))
+    numbers = {"x": read.array(f"boundary_{x}"), "y": read.array(f"boundary_{y}")}
+    points = {name: numbers[name] if name in numbers else read.array(name, np.int64) for name in BOUNDARY}
     side = read.array("refined", np.int8)
     rows, columns = (Boundary(**{name: v[side == k] for name, v in points.items()}) for k in (0, 1))
-    shape = (read.tree[y].size, read.tree[x].size)
-    return StabilityMap(
-        parameters=(first, second),
-        x=read.array(x),
-        y=read.array(y),
-        largest=read.array("largest", shape=shape),
-        unstable=read.array("unstable", np.int64, shape),
-        status=read.array("status", np.uint8, shape),
-        rows=rows,
-        columns=columns,
-    )
+    found: StabilityMap = read.record(StabilityMap, rows=rows, columns=columns)
+    return found
 
 
-def _exponents(read: _Read) -> ExponentField:
-    coordinates, grid = read.coordinates, read.grid
-    assert grid is not None
-    names = variable_names(c.name for c in coordinates)
-    return ExponentField(
-        forward=read.array("forward", shape=grid.shape),
-        backward=read.array("backward", shape=grid.shape),
-        images=np.stack([read.array(f"image_{name}", shape=grid.shape) for name in names], axis=-1),
-        periods=int(read.attributes["periods"]),
-        period=float(read.attributes["map_period"]),
-        grid=grid,
-        name=str(read.attributes["system"]),
-        params=read.params,
-        coordinates=coordinates,
-        cost=read.cost(),
-    )
-
-
-_READERS: Mapping[str, Callable[[_Read], Any]] = {
+_READERS: Mapping[str, Callable[[_Read, PointMap | None], Any]] = {
     "Basins": _basins,
     "Certificate": _certificate,
     "BasinContinuation": _continuation,
-    "BifurcationDiagram": _diagram,
     "StabilityMap": _stability_map,
-    "ExponentField": _exponents,
+    "Branch": rebuilt,
+    "BifurcationCurve": rebuilt,
 }
-"""What makes a result of a tree, by its class."""
+"""What makes a result of a tree that is more than the arrays of its layout, by its class."""
 
-_CURVES = ("Branch", "BifurcationCurve")
+
+def _by_layout(name: Any) -> Callable[[_Read, PointMap | None], Any] | None:
+    """Return what reads a public record of a name, where its layout and its attributes are all that it consists of."""
+    library = importlib.import_module(__name__.partition(".")[0])
+    packages = pkgutil.walk_packages(library.__path__, f"{library.__name__}.")
+    for room in (importlib.import_module(package.name) for package in packages if package.ispkg):
+        kind: Any = getattr(room, name) if name in getattr(room, "__all__", ()) else None
+        layout = getattr(kind, "_layout", None)
+        if layout is not None:
+            known = {*layout.coords, *layout.variables, *attribute_fields(kind)}
+            if all(f.name in known or f.default is not MISSING for f in fields(kind)):
+                return lambda read, _: read.record(kind)
+    return None

@@ -9,6 +9,7 @@ import numpy as np
 
 from .._lib.arrays import Floats
 from .._lib.checks import is_sequence, shown
+from .._lib.records import Layout
 from ..basins.record import Basins
 from ..bifurcations.atlas_families import AtlasKind
 from ..bifurcations.atlas_record import AttractorAtlas
@@ -21,6 +22,7 @@ from ..bifurcations.function_zeros import FunctionZero
 from ..bifurcations.period_measures import OrbitFunction, Quantity, as_functions
 from ..maps.coordinates import Coordinate
 from ..orbits.attractor import Attractor, distinct_names
+from .conventions import values_of, variables_of
 from .optional import pandas_package
 
 
@@ -115,9 +117,18 @@ def columns_of(result: Any) -> dict[str, Any]:
             return _attractor_columns(result)
         if all(isinstance(row, Bifurcation | FunctionZero) for row in result):
             return _bifurcation_columns(result)
+    layout: Layout | None = getattr(result, "_layout", None)
+    variables = {} if layout is None else variables_of({**layout.coords, **layout.variables}, result)
+    if (
+        variables
+        and len({v.dims for v in variables.values()}) == 1
+        and all(len(v.dims) == 1 for v in variables.values())
+    ):
+        return {name: values_of(result, variable) for name, variable in variables.items()}
     raise TypeError(
         f"result={shown(result)}: give Basins, a Branch, a BifurcationCurve, a BifurcationDiagram, an AttractorAtlas, "
-        "a CircleBranch, a ConnectionBranch, a TangencyCurve, or a sequence of Attractor or special points of a Branch"
+        "a CircleBranch, a ConnectionBranch, a TangencyCurve, another record with arrays along one dimension, or a "
+        "sequence of Attractor or special points of a Branch"
     )
 
 

@@ -13,7 +13,7 @@ from .._compiled.kernels.blocks import MOST_TURNS
 from .._compiled.kernels.box_images import locate_rows
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import claim_memory, in_bytes, is_sequence, real_array, shown, whole_number
-from .._lib.conversions import ShownAsHtml
+from .._lib.records import ShownAsHtml
 from .._lib.signatures import checked
 from .coordinates import Coordinate, turns_of
 

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from .._compiled.kernels.blocks import wrap_rows
 from .._lib.arrays import Floats, Ints
 from .._lib.checks import claim_memory, warn_caller, whole_number
-from .._lib.conversions import ShownAsHtml
 from .._lib.randomness import Rng, random_numbers
+from .._lib.records import ShownAsHtml
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar, run_over, slices
 from .._lib.tiles import check_client, completed

@@ -13,7 +13,7 @@ import numpy as np
 
 from .._lib.arrays import Bools, Complexes, Floats, Ints
 from .._lib.computed import computed_once
-from .._lib.conversions import ShownAsHtml
+from .._lib.records import ShownAsHtml
 from ..maps.coordinates import Coordinate
 from ..maps.grazing import GRAZING
 from .invariant_circle import InvariantCircle

@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from .._compiled.kernels.stretching import append_steps
 from .._lib.arrays import Floats
 from .._lib.checks import claim_memory, whole_number
-from .._lib.conversions import ConvertsToXarray
+from .._lib.records import Array, ConvertsToXarray, Layout
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from ..maps.coordinates import Coordinate, wrap
@@ -50,6 +51,17 @@ class ExponentField(ConvertsToXarray):
     cost : Cost
         Wall time and number of steps.
     """
+
+    _layout: ClassVar = Layout(
+        "Finite-time Lyapunov exponents of {0.name}",
+        {},
+        {
+            "forward": Array("{cells}", "forward exponent per step of the map", unit="1"),
+            "backward": Array("{cells}", "backward exponent per step, at the image", unit="1"),
+            "images": Array("{cells}", name="image_{state}"),
+        },
+        {"period": "map_period"},
+    )
 
     forward: Floats
     backward: Floats

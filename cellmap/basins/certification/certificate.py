@@ -8,7 +8,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._lib.conversions import ConvertsToXarray, ShownAsHtml
+from ..._lib.records import ConvertsToXarray, ShownAsHtml
 from ...attractors.labels import Label
 from ...maps.orbit_batch import Cost
 from ..record import Basins
