@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from .arrays import Floats
 from .checks import finite_number, real_array, whole_number
 from .signatures import checked
-from .student import student_factor
 
 _FEWEST = 3
 _SWING = 0.02  # of slopes over an octave on self-similar sets, which may agree by chance where octaves are few
@@ -72,6 +71,21 @@ class Fit:
         return np.asarray(self.intercept + self.slope * np.asarray(x, dtype=float))
 
 
+def student_factor(confidence: float, freedom: int) -> float:
+    """Return the standard errors to either side of a mean that an interval of a confidence reaches.
+
+    Source: Student, Biometrika 6 (1908) 1.
+
+    Examples
+    --------
+    >>> student_factor(0.95, 10)
+    2.228
+    """
+    from scipy.special import stdtrit
+
+    return float(stdtrit(freedom, 0.5 + 0.5 * confidence))
+
+
 @checked
 def fit_line(
     x: ArrayLike,
@@ -128,35 +142,41 @@ def fit_line(
     return Fit(px, py, (first, last), slope, intercept, error, sigma, labels)
 
 
-def scaling_window(x: Floats, y: Floats, tolerance: float = 0.05, fewest: int = _FEWEST) -> tuple[int, int]:
+def scaling_window(x: Floats, y: Floats, tolerance: float = 0.05) -> tuple[int, int]:
     """Return the largest window in which points are on a line: the numbers of its first and last point.
 
     A window counts if the slopes between all neighbours in it differ from the slope of its line by no more than
-    `tolerance` (times that slope where this is above 1).  Of the windows that are longest in x, of `fewest` points at
+    `tolerance` (times that slope where this is above 1).  Of the windows that are longest in x, of three points at
     least, the one with the steepest line is taken, since saturation, at either end, makes lines flat.  If there is
     none, the tolerance is doubled.
     """
     allowed = finite_number("tolerance", tolerance, above=0.0)
-    usable = np.isfinite(x) & np.isfinite(y)
-    if np.count_nonzero(usable) < fewest:
-        raise ValueError(f"x, y: {np.count_nonzero(usable)} points are finite; give at least {fewest}")
     with np.errstate(all="ignore"):
         slopes = np.diff(y) / np.diff(x)
-    for _ in range(30):
-        best: tuple[float, float, int, int] | None = None
-        for first in range(len(x)):
-            for last in range(first + fewest - 1, len(x)):
-                inner = slopes[first:last]
-                if not np.isfinite(inner).all():
-                    break
-                slope = _least_squares(x[first : last + 1], y[first : last + 1], None)[0]
-                if np.abs(inner - slope).max() <= allowed * max(1.0, abs(slope)):
-                    key = (abs(x[last] - x[first]), abs(slope), first, last)
-                    best = max(best, key) if best is not None else key
-        if best is not None:
-            return best[2], best[3]
+    found = []
+    for first, last in _runs(x, y):
+        slope = _least_squares(x[first : last + 1], y[first : last + 1], None)[0]
+        bent = float(np.abs(slopes[first:last] - slope).max())
+        if np.isfinite(bent):
+            found.append((bent, max(1.0, abs(slope)), (abs(x[last] - x[first]), abs(slope), first, last)))
+    if not found:
+        raise ValueError("x, y: no window of neighbouring finite points; give more points")
+    while True:
+        straight = [key for bent, size, key in found if bent <= allowed * size]
+        if straight:
+            return max(straight)[2:]
         allowed *= 2.0
-    raise ValueError("x, y: no window of neighbouring finite points; give more points")
+
+
+def _runs(x: Floats, y: Floats) -> list[tuple[int, int]]:
+    """Return the first and the last point of all runs of three finite points or more."""
+    usable = np.isfinite(x) & np.isfinite(y)
+    finite = int(np.count_nonzero(usable))
+    if finite < _FEWEST:
+        raise ValueError(f"x, y: {finite} points are finite; give at least {_FEWEST}")
+    gaps = np.append(np.flatnonzero(~usable), len(x))
+    ends = gaps[np.searchsorted(gaps, np.arange(len(x)))]
+    return [(first, last) for first, end in enumerate(ends.tolist()) for last in range(first + _FEWEST - 1, end)]
 
 
 def scaling_fit(
@@ -169,77 +189,61 @@ def scaling_fit(
 ) -> Fit:
     """Fit a power law to logarithms, with a standard error of the exponent that holds for self-similar sets.
 
-    Without a given range the window is that of :func:`steady_window`.  Besides the scatter about the line the error
-    counts, in squares, how unsteady the slope is within the window (:func:`with_drift`) and how it depends on the
+    Without a given range the window is the first of :func:`scaling_windows`.  Besides the scatter about the line the
+    error counts, in squares, how unsteady the slope is within the window (:func:`with_drift`) and how it depends on the
     choice of the window (:func:`window_spread`).
     """
-    chosen = steady_window(x, y, to_the_end=to_the_end, errors=errors) if fit_range is None else fit_range
-    fit = with_drift(fit_line(x, y, chosen, errors, labels=labels))
     if fit_range is not None:
-        return fit
-    spread = window_spread(x, y, fit.slope, to_the_end, errors)
-    return replace(fit, standard_error=float(np.hypot(fit.standard_error, spread)))
+        return with_drift(fit_line(x, y, fit_range, errors, labels=labels))
+    windows = scaling_windows(x, y, to_the_end, errors)
+    fit = with_drift(fit_line(x, y, windows[0][:2], errors, labels=labels))
+    return replace(fit, standard_error=float(np.hypot(fit.standard_error, window_spread(windows, fit.slope))))
 
 
-def steady_window(
-    x: Floats, y: Floats, fewest: int = 4, to_the_end: bool = False, errors: Floats | None = None
-) -> tuple[int, int]:
-    """Return the window in which a slope is known best: the numbers of its first and last point.
+Windows = list[tuple[int, int, float, float]]
+"""Windows of points: their first and last point, the slope of the line through them and its error."""
+
+
+def scaling_windows(x: Floats, y: Floats, to_the_end: bool = False, errors: Floats | None = None) -> Windows:
+    """Return all windows of three finite neighbours or more, the one in which the slope is known best first.
 
     The error of a slope is its standard error from the scatter about the line, as the half of a 95 % interval
     (Student), or from given errors of the points if that is larger; its drift: half of what the slopes of the lower
     and of the upper half of the window differ by; and what a window of less than a decade cannot show (see
-    :func:`with_drift`); all in squares.  As long as points are on a line, a longer window
-    has a smaller error, and where they bend away it has a larger one; so this is the largest linear region.
-    Oscillations about the line, such as the counts of self-similar sets have, do not shorten it, and bends are found
-    that are too slow to be seen between neighbours.
+    :func:`with_drift`); all in squares.  As long as points are on a line, a longer window has a smaller error, and
+    where they bend away it has a larger one; so the first window is the largest linear region.  Oscillations about the
+    line, such as the counts of self-similar sets have, do not shorten it, and bends are found that are too slow to be
+    seen between neighbours.
 
-    Points that are not finite are outside every window.  A window has `fewest` points, or half of those that are finite
-    if these are fewer, but 3 at least; `to_the_end` takes windows alone that end at the last finite point: a law for
-    small sizes that are known to be free of saturation.
+    Points that are not finite are outside every window.  The first one has four points, or half of those that are
+    finite if these are fewer, but 3 at least; `to_the_end` takes windows alone that end at the last finite point: a law
+    for small sizes that are known to be free of saturation.
     """
-    finite = int(np.count_nonzero(np.isfinite(x) & np.isfinite(y)))
-    if finite < _FEWEST:
-        raise ValueError(f"x, y: {finite} points are finite; give at least {_FEWEST}")
-    fewest = max(_FEWEST, min(fewest, (finite + 1) // 2))
-    found = [
-        (last - first + 1 < fewest, round(error, 9), first - last, first, last)
-        for first, last, _, error in _windows(x, y, to_the_end, errors)
-    ]
+    finite = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    found: Windows = []
+    for first, last in _runs(x, y):
+        if to_the_end and last < finite[-1]:
+            continue
+        part = slice(first, last + 1)
+        slope, _, scatter = _least_squares(x[part], y[part], None if errors is None else errors[part])
+        reach = student_factor(0.95, last - first - 1) * scatter
+        drift = _drift(x, y, first, last, 2, errors, 1.0) / 2.0
+        found.append((first, last, slope, float(np.linalg.norm([reach, drift, unseen_error(x, first, last)]))))
     if not found:
         raise ValueError("x, y: no three neighbouring points are finite; give more points")
-    return min(found)[3:]
+    fewest = max(_FEWEST, min(4, (len(finite) + 1) // 2))
+    return sorted(found, key=lambda one: (one[1] - one[0] + 1 < fewest, round(one[3], 9), one[0] - one[1]))
 
 
-def window_spread(x: Floats, y: Floats, slope: float, to_the_end: bool = False, errors: Floats | None = None) -> float:
+def window_spread(windows: Windows, slope: float) -> float:
     """Return by how much a slope depends on the choice of the window.
 
     This is the root of the mean squared distance between the slopes of all windows and a given one, weighted by the
-    inverse squares of the errors by which :func:`steady_window` chooses.
+    inverse squares of their errors.
     """
-    _, _, slopes, found = np.array(_windows(x, y, to_the_end, errors)).T
-    weights = 1.0 / np.maximum(found, 1e-9) ** 2
+    _, _, slopes, errors = np.array(windows).T
+    weights = 1.0 / np.maximum(errors, 1e-9) ** 2
     return float(np.sqrt((weights @ (slopes - slope) ** 2) / weights.sum()))
-
-
-def _windows(x: Floats, y: Floats, to_the_end: bool, errors: Floats | None) -> list[tuple[int, int, float, float]]:
-    """Return all windows of three finite points or more: first, last, slope and its error."""
-    from scipy.special import stdtrit
-
-    usable = np.isfinite(x) & np.isfinite(y)
-    found = []
-    for first in range(len(x)):
-        for last in range(first + _FEWEST - 1, len(x)):
-            if not usable[first : last + 1].all():
-                break
-            if to_the_end and usable[last + 1 :].any():
-                continue
-            part = slice(first, last + 1)
-            slope, _, scatter = _least_squares(x[part], y[part], None if errors is None else errors[part])
-            reach = float(stdtrit(last - first - 1, 0.975)) * scatter
-            drift = _drift(x, y, first, last, 2, errors, 1.0) / 2.0
-            found.append((first, last, slope, float(np.linalg.norm([reach, drift, unseen_error(x, first, last)]))))
-    return found
 
 
 def with_drift(fit: Fit) -> Fit:

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from .._lib.arrays import Bools, Floats
 from .._lib.checks import finite_number, whole_number
+from .._lib.fit import student_factor
 from .._lib.randomness import Rng, random_numbers
 from .._lib.signatures import checked
-from .._lib.student import student_factor
 from .._lib.threads import run_over, slices
 from ..maps.coordinates import state_points, wrap
 from ..maps.orbit_batch import CHUNK, Orbits, Status

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._lib.arrays import Bools, Floats
 from .._lib.checks import finite_number, whole_number
+from .._lib.fit import student_factor
 from .._lib.signatures import checked
-from .._lib.student import student_factor
 from ..maps.coordinates import difference, turns_of
 from ..maps.point_map import PointMap
 from .lyapunov import GROUPS, lyapunov_spectrum

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from .._compiled.kernels.frames import ROUNDING
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import claim_memory, finite_number, whole_number
+from .._lib.fit import student_factor
 from .._lib.signatures import checked
-from .._lib.student import student_factor
 from .._lib.threads import progress_bar, run_over, slices
 from ..maps.coordinates import Coordinate, state_points, wrap
 from ..maps.orbit_batch import CHUNK, Orbits, Status

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..analysis.fractal.generalized import GeneralizedDimensions
-from ..analysis.fractal.kaplan_yorke import KaplanYorke
+from ..analysis.fractal.generalized import GeneralizedDimensions, KaplanYorke
 from ._axes import axes_or_new
 from ._colours import COLOURS
 from ._draw import figure

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import linregress, t
 
 from cellmap._lib.checks import shown
-from cellmap._lib.fit import fit_line, scaling_window, steady_window, window_spread
+from cellmap._lib.fit import fit_line, scaling_window, scaling_windows, window_spread
 from cellmap._lib.randomness import random_seed
 from cellmap.utils import random_numbers
 
@@ -32,27 +32,27 @@ def test_the_window_is_where_the_points_are_straight():
     y = np.array([3.0, 3.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 8.0, 8.0, np.nan, np.inf])
     assert scaling_window(X, y) == (2, 7)
     assert fit_line(X, y).slope == pytest.approx(1.0)
-    assert steady_window(X, y) == (2, 7)
+    assert scaling_windows(X, y)[0][:2] == (2, 7)
     with pytest.raises(ValueError, match="2 points are finite"):
         scaling_window(X, np.where(X < 2, X, np.nan))
     with pytest.raises(ValueError, match="2 points are finite"):
-        steady_window(X, np.where(X < 2, X, np.nan))
+        scaling_windows(X, np.where(X < 2, X, np.nan))
 
 
 def test_windows_that_end_at_the_last_finite_point():
     """Of a steep line and a longer flat one behind it the flat one is the last."""
     y = np.where(X < 8, 3.0 * X, 24.0 + (X - 8))
     y[-1] = np.nan
-    assert steady_window(X, y) == (0, 8)
-    assert steady_window(X, y, to_the_end=True)[1] == 10
+    assert scaling_windows(X, y)[0][:2] == (0, 8)
+    assert scaling_windows(X, y, to_the_end=True)[0][1] == 10
 
 
 def test_a_slope_that_no_window_changes_has_no_spread():
     """A wide range of x, on an exact line; on a bent one the spread is the larger."""
     x = np.linspace(0.0, 10.0, 12)
-    assert window_spread(x, 0.5 * x, 0.5) == pytest.approx(0.0, abs=1e-12)
-    assert window_spread(x, 0.5 * x, 0.7) == pytest.approx(0.2)
-    assert window_spread(x, 0.5 * x + 0.02 * x**2, 0.7) > 0.02
+    assert window_spread(scaling_windows(x, 0.5 * x), 0.5) == pytest.approx(0.0, abs=1e-12)
+    assert window_spread(scaling_windows(x, 0.5 * x), 0.7) == pytest.approx(0.2)
+    assert window_spread(scaling_windows(x, 0.5 * x + 0.02 * x**2), 0.7) > 0.02
 
 
 def test_seeds_and_generators():

@@ -42,29 +42,6 @@ def mixed_boxes(labels, rows, first, last, out):
             target[j] = min(low[j], low[j + 1]) < max(high[j], high[j + 1])
 
 
-@loop(vectors=True)
-def halve(bits, rows, shift, first, last, out):
-    """Write into ``out[r, j]`` whether any of the boxes that a box of twice their side holds is set.
-
-    ``rows[r]`` are the rows of ``bits`` that the boxes r hold, -1 for none; box j holds the columns ``2 j - shift`` and
-    the next one, where they exist.
-    """
-    n = bits.shape[1]
-    wide = out.shape[1]
-    joined = np.zeros(2 * wide, np.uint8)
-    inner = joined[shift : shift + n]
-    for r in range(first, last):
-        inner[:] = 0
-        for c in range(rows.shape[1]):
-            if rows[r, c] >= 0:
-                row = bits[rows[r, c]]
-                for j in range(n):
-                    inner[j] |= row[j]
-        target = out[r]
-        for j in range(wide):
-            target[j] = joined[2 * j] | joined[2 * j + 1]
-
-
 @inlined
 def _spread(x):
     """Put a zero before each of the lower 31 bits."""

@@ -6,13 +6,13 @@ from .correlation import correlation_dimension as correlation_dimension
 from .entropy import BasinEntropy as BasinEntropy
 from .entropy import basin_entropy as basin_entropy
 from .generalized import GeneralizedDimensions as GeneralizedDimensions
+from .generalized import KaplanYorke as KaplanYorke
 from .generalized import generalized_dimensions as generalized_dimensions
+from .generalized import kaplan_yorke_dimension as kaplan_yorke_dimension
 from .image_uncertainty import image_uncertainty_exponent as image_uncertainty_exponent
-from .kaplan_yorke import KaplanYorke as KaplanYorke
-from .kaplan_yorke import kaplan_yorke_dimension as kaplan_yorke_dimension
 from .randomness_test import FractalTest as FractalTest
 from .randomness_test import fractal_boundary_test as fractal_boundary_test
-from .smooth_limit import smooth_boundary_entropy as smooth_boundary_entropy
+from .randomness_test import smooth_boundary_entropy as smooth_boundary_entropy
 from .uncertainty import uncertainty_exponent as uncertainty_exponent
 from .uncertainty_fits import UncertaintyExponent as UncertaintyExponent
 from .wada import MergingTest as MergingTest

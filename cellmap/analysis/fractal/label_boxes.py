@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._compiled.kernels.boxes import halve, mixed_boxes
+from ..._compiled.kernels.boxes import mixed_boxes
 from ..._lib.arrays import Floats, Ints
 from ..._lib.threads import run_over, slices
 from .label_images import LabelImage
@@ -50,7 +51,7 @@ def count_boxes(
         if size & (size - 1) == 0:
             while side < size:
                 # Bit number log2(side) of the offset tells whether the first box of twice the side is half outside.
-                level = _halved(level, [(o // side) & 1 for o in shifts])
+                level = _joined(level, 2, [o // side for o in shifts])
                 side *= 2
             boxes = level
         else:
@@ -69,38 +70,14 @@ def _corner_rows(rows: tuple[int, ...], boxes: tuple[int, ...]) -> Ints:
     return np.ascontiguousarray(np.stack(corners, axis=-1))
 
 
-def _halved(bits: NDArray[np.uint8], shifts: Sequence[int]) -> NDArray[np.uint8]:
-    """Boxes of twice the side, the first of which begin `shifts` boxes before the first box of these."""
-    shape = tuple((n + b + 1) // 2 for n, b in zip(bits.shape, shifts, strict=True))
-    leading = bits.shape[:-1]
-    place = np.indices(shape[:-1]).reshape(len(leading), int(np.prod(shape[:-1])))
-    parts = []
-    for half in itertools.product((0, 1), repeat=len(leading)):
-        at = [2 * p + h - b for p, h, b in zip(place, half, shifts[:-1], strict=True)]
-        inside = np.ones(place.shape[1] if leading else 1, bool)
-        for a, n in zip(at, leading, strict=True):
-            inside &= (a >= 0) & (a < n)
-        clipped = tuple(np.clip(a, 0, n - 1) for a, n in zip(at, leading, strict=True))
-        number = np.ravel_multi_index(clipped, leading) if leading else np.zeros(1, np.int64)
-        parts.append(np.where(inside, number, -1))
-    rows = np.ascontiguousarray(np.stack(parts, axis=-1))
-    flat = bits.reshape(-1, bits.shape[-1])
-    out = np.empty((len(rows), shape[-1]), np.uint8)
-
-    def work(part: slice) -> None:
-        halve(flat, rows, shifts[-1], part.start, part.stop, out)
-
-    run_over(slices(len(rows), max(1, _ROWS // bits.shape[-1])), work)
-    return out.reshape(shape)
-
-
 def _joined(bits: NDArray[np.uint8], size: int, shifts: Sequence[int]) -> NDArray[np.uint8]:
-    """Boxes of any side."""
-    boxes = bits
-    for axis, (n, shift) in enumerate(zip(bits.shape, shifts, strict=True)):
-        initial_conditions = np.maximum(np.arange(-(shift % size), n, size), 0)
-        boxes = np.bitwise_or.reduceat(boxes, initial_conditions, axis=axis)
-    return np.asarray(boxes)
+    """Boxes of so many boxes a side, the first of which begin `shifts` boxes before the first of these."""
+    before = [shift % size for shift in shifts]
+    boxes = np.pad(bits, [(b, -(n + b) % size) for n, b in zip(bits.shape, before, strict=True)])
+    for axis in range(bits.ndim):
+        along = np.moveaxis(boxes, axis, 0)
+        boxes = np.moveaxis(functools.reduce(np.bitwise_or, (along[k::size] for k in range(size))), 0, axis)
+    return boxes
 
 
 def _weighted(boxes: NDArray[np.uint8], shape: tuple[int, ...], size: int, shifts: Sequence[int]) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,7 @@ from ...maps.grid import CellGrid, grid_points
 from ...maps.orbit_batch import CHUNK, Cost
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor
-from .label_images import NO_BASIN, included_labels, label_image
-from .neighbourhoods import neighbourhoods, steps_to_neighbours
+from .label_images import NO_BASIN, LabelImage, included_labels, label_image
 from .wada import NOT, PART, PARTIALLY, WADA
 
 _FEWEST = 50  # boxes on the boundary below which basins are not called Wada
@@ -179,7 +179,7 @@ def wada_grid(
     states, labels = _centres(source, region, attractors, outcome, max_periods)
     image = label_image(labels, counted, states.region.wraps)
     look = _Look(states, image.names)
-    seen, partner = neighbourhoods(image)
+    seen, partner = _neighbourhoods(image)
     edge = np.flatnonzero(partner >= 0)
     inside = _tally(np.delete(seen, edge, axis=0))
     segments = _segments(states.region, edge, partner[edge])
@@ -231,11 +231,45 @@ def _by_states(states: FinalStates) -> Ints:
     return labels.reshape(region.shape)
 
 
+def _neighbourhoods(image: LabelImage) -> tuple[Bools, Ints]:
+    """Return which basins are seen in and around each box (boxes, basins), and a neighbour of another colour.
+
+    The neighbour, the nearest one, is given by the number of its step, see :func:`_steps_to_neighbours`; -1 if there is
+    none.
+    """
+    numbers = image.numbers
+    offsets = _steps_to_neighbours(numbers.ndim)
+    seen = np.zeros((numbers.size, len(image.names)), bool)
+    partner = np.full(numbers.size, -1, np.int64)
+    coloured = (numbers != NO_BASIN).ravel()
+    seen[np.flatnonzero(coloured), numbers.ravel()[coloured]] = True
+    pads = [(1, 1)] * numbers.ndim
+    around = np.pad(numbers, pads, constant_values=NO_BASIN)
+    for axis, wraps in enumerate(image.wraps):
+        if wraps:
+            ends = np.moveaxis(around, axis, 0)
+            ends[0], ends[-1] = ends[-2], ends[1]
+    for k, offset in enumerate(offsets):
+        part = tuple(slice(1 + o, 1 + o + n) for o, n in zip(offset, numbers.shape, strict=True))
+        other = around[part].ravel()
+        rows = np.flatnonzero(coloured & (other != NO_BASIN))
+        seen[rows, other[rows]] = True
+        differs = rows[(other[rows] != numbers.ravel()[rows]) & (partner[rows] < 0)]
+        partner[differs] = k
+    return seen, partner
+
+
+def _steps_to_neighbours(dimension: int) -> Ints:
+    """Return the steps to all neighbours, the nearest ones first."""
+    steps = np.array([s for s in product((-1, 0, 1), repeat=dimension) if any(s)], np.int64)
+    return steps[np.argsort((steps**2).sum(axis=1), kind="stable")]
+
+
 def _segments(region: CellGrid, boxes: Ints, partner: Ints) -> tuple[Floats, Floats]:
     """Return the centres of boxes, and the ways from there to their neighbours."""
     wide = [j for j, n in enumerate(region.shape) if n > 1]
     ways = np.zeros((len(boxes), region.dimension))
-    ways[:, wide] = steps_to_neighbours(len(wide))[partner] * region.widths[wide]
+    ways[:, wide] = _steps_to_neighbours(len(wide))[partner] * region.widths[wide]
     return grid_points([region.axis(j) for j in range(region.dimension)], boxes), ways
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import systems
 from cellmap import angle, set_threads
-from cellmap._lib.fit import steady_window, window_spread, with_drift
+from cellmap._lib.fit import scaling_windows, window_spread, with_drift
 from cellmap.analysis import fit_line
 from cellmap.analysis.fractal import BoxCount, box_dimension
 from studies.known_fractals import (
@@ -208,37 +208,37 @@ def test_errors(arguments, message):
 def test_steady_window_is_the_largest_linear_region():
     x = np.arange(12.0)
     y = np.concatenate([[0.0, 0.5, 1.3], 1.3 + 2.0 * np.arange(1, 7), 13.3 + 0.3 * np.arange(1, 4)])
-    assert steady_window(x, y) == (2, 8)
-    assert fit_line(x, y, steady_window(x, y)).slope == pytest.approx(2.0)
+    assert scaling_windows(x, y)[0][:2] == (2, 8)
+    assert fit_line(x, y, scaling_windows(x, y)[0][:2]).slope == pytest.approx(2.0)
 
 
 def test_steady_window_bears_oscillations_and_sees_slow_bends():
     """Log-periodic oscillations as of Cantor's counts; a slope that grows from 1.5 to 2 bit by bit."""
     x = np.arange(20.0)
     swinging = 0.63 * x + 0.02 * np.sin(3.9 * x)
-    first, last = steady_window(x, swinging)
+    first, last = scaling_windows(x, swinging)[0][:2]
     assert last - first >= 12
     bent = 2.0 * x + 0.5 * 4.0 * np.exp(-x / 4.0)
-    first, last = steady_window(x, bent)
+    first, last = scaling_windows(x, bent)[0][:2]
     assert first > 5
     assert last == 19
     fit = with_drift(fit_line(x, bent, (0, 8)))
     assert fit.standard_error > fit_line(x, bent, (0, 8)).standard_error
-    assert window_spread(x, bent, 2.0) > 0.0
+    assert window_spread(scaling_windows(x, bent), 2.0) > 0.0
 
 
 def test_window_to_the_end():
     x = np.arange(10.0)
     y = np.concatenate([2.0 * np.arange(7), 12.0 + np.array([1.0, 2.1, 3.0])])
-    assert steady_window(x, y) == (0, 6)
-    assert steady_window(x, y, to_the_end=True)[1] == 9
+    assert scaling_windows(x, y)[0][:2] == (0, 6)
+    assert scaling_windows(x, y, to_the_end=True)[0][1] == 9
 
 
 def test_window_needs_points():
     with pytest.raises(ValueError, match="2 points are finite"):
-        steady_window(np.arange(3.0), np.array([0.0, 1.0, np.nan]))
+        scaling_windows(np.arange(3.0), np.array([0.0, 1.0, np.nan]))
     with pytest.raises(ValueError, match="no three neighbouring points"):
-        steady_window(np.arange(5.0), np.array([0.0, 1.0, np.nan, 1.0, 2.0]))
+        scaling_windows(np.arange(5.0), np.array([0.0, 1.0, np.nan, 1.0, 2.0]))
 
 
 def test_record_is_frozen():

@@ -11,7 +11,7 @@ import pytest
 import systems
 from cellmap import CellGrid, find_basins, plot, stroboscopic_map
 from cellmap.analysis.fractal import basin_entropy, fractal_boundary_test, smooth_boundary_entropy
-from cellmap.analysis.fractal.smooth_limit import ball
+from cellmap.analysis.fractal.randomness_test import ball
 from cellmap.analysis.fractal.uncertainty_fits import SMOOTH
 
 mpl.use("Agg")

@@ -9,8 +9,8 @@ from cellmap import CellGrid, discrete_map, find_basins
 from cellmap._compiled.kernels.boxes import NO_BASIN
 from cellmap._lib.fit import fit_line
 from cellmap.analysis.fractal import basin_entropy, generalized_dimensions
+from cellmap.analysis.fractal.boundary_dimensions import without_specks
 from cellmap.analysis.fractal.label_images import LabelImage, label_image
-from cellmap.analysis.fractal.specks import without_specks
 from cellmap.analysis.fractal.uncertainty_fits import _halves
 from cellmap.analysis.fractal.wada_search import _centres
 
