@@ -5,7 +5,9 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from .arrays import Floats
 
 _NEIGHBOURS = 5
 _OUTLYING = 4.0
@@ -14,7 +16,7 @@ _MEDIAN = 0.6744897501960817  # of the absolute value of a standard normal varia
 
 def measured_series(
     times: ArrayLike, values: ArrayLike, name: str = "angles", fewest: int = 8
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Return a measured series as new arrays, checked.
 
     Parameters
@@ -63,14 +65,14 @@ def measured_series(
     return t, v
 
 
-def _numbers(name: str, given: ArrayLike) -> NDArray[np.float64]:
+def _numbers(name: str, given: ArrayLike) -> Floats:
     try:
         return np.array(given, dtype=np.float64)
     except (TypeError, ValueError):
         raise TypeError(f"{name}: give real numbers in an array of shape (n,)") from None
 
 
-def noise_level(times: NDArray[np.float64], values: NDArray[np.float64], neighbours: int = _NEIGHBOURS) -> float:
+def noise_level(times: Floats, values: Floats, neighbours: int = _NEIGHBOURS) -> float:
     """Return the standard deviation of independent noise on a smooth series, from its divided differences.
 
     Of five neighbours the fourth divided difference has no part of any cubic, and its weights are known.  Those far
@@ -110,7 +112,7 @@ def noise_level(times: NDArray[np.float64], values: NDArray[np.float64], neighbo
     return float(np.sqrt(np.mean(parts[parts <= _OUTLYING * rough] ** 2)))
 
 
-def neighbour_correlation(residuals: NDArray[np.float64]) -> float:
+def neighbour_correlation(residuals: Floats) -> float:
     """Return the correlation of neighbouring residuals: near 0 for independent ones, near 1 for a model that is wrong.
 
     Parameters
@@ -129,7 +131,7 @@ def neighbour_correlation(residuals: NDArray[np.float64]) -> float:
     return float(np.mean(now[both] * later[both])) / scale if both.any() and scale > 0.0 else 0.0
 
 
-def widening(residuals: NDArray[np.float64]) -> float:
+def widening(residuals: Floats) -> float:
     """Return by what factor standard errors widen for residuals that follow each other.
 
     They hold less than as many independent ones, by the factor of a first-order autoregression with their correlation.

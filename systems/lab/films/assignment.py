@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+
+from ..arrays import Floats
 
 _NEVER = 1e6
 
@@ -14,7 +15,7 @@ Choice = list[int]  # number of the blob for each marker, -1 for none
 Conflict = Callable[[Choice], tuple[int, int] | None]
 
 
-def match(costs: NDArray[np.float64], conflict: Conflict) -> Choice:
+def match(costs: Floats, conflict: Conflict) -> Choice:
     """Return the matching of least cost in which no two markers are in conflict.
 
     Parameters
@@ -52,7 +53,7 @@ def match(costs: NDArray[np.float64], conflict: Conflict) -> Choice:
     return best
 
 
-def _assigned(table: NDArray[np.float64]) -> tuple[Choice, float]:
+def _assigned(table: Floats) -> tuple[Choice, float]:
     markers, blobs = table.shape
     alone = np.full((markers, markers), _NEVER)
     np.fill_diagonal(alone, 1.0)

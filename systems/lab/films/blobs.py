@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import binary_dilation, find_objects, label
 
+from ..arrays import Floats
 from .illumination import slope_inside, surroundings
 from .pixel_noise import PixelNoise
 
@@ -233,7 +234,7 @@ def _measure(
     )
 
 
-def _plateau(bright: NDArray[np.float64]) -> float:
+def _plateau(bright: Floats) -> float:
     """Return the mean of the brightest quarter of a blob's pixels."""
     return float(np.sort(bright)[-max(bright.size // 4, 1) :].mean())
 

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from math import pi, sqrt
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
+
+from ..arrays import Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +32,7 @@ class Circle:
 
     centre: tuple[float, float]
     radius: float
-    covariance: NDArray[np.float64]
+    covariance: Floats
     scatter: float
     arc: float
 
@@ -42,7 +44,7 @@ class Circle:
         )
 
     @property
-    def errors(self) -> NDArray[np.float64]:
+    def errors(self) -> Floats:
         """Standard errors of column, row and radius."""
         return np.sqrt(np.diag(self.covariance))
 
@@ -95,7 +97,7 @@ def fit_circle(points: ArrayLike, least_arc: float = 0.2) -> Circle:
     a, b, c = np.linalg.lstsq(design, x**2 + y**2, rcond=None)[0]
     start = [0.5 * a, 0.5 * b, sqrt(max(c + 0.25 * (a * a + b * b), 1e-12))]
 
-    def away(guess: NDArray[np.float64]) -> NDArray[np.float64]:
+    def away(guess: Floats) -> Floats:
         return np.hypot(x - guess[0], y - guess[1]) - guess[2]
 
     found = least_squares(away, start, x_scale=1.0, xtol=1e-14, ftol=1e-14, gtol=1e-14, method="lm")
@@ -112,7 +114,7 @@ def fit_circle(points: ArrayLike, least_arc: float = 0.2) -> Circle:
     return Circle(centre, float(size * radius), covariance, size * sqrt(variance), arc)
 
 
-def _spread(angles: NDArray[np.float64]) -> float:
+def _spread(angles: Floats) -> float:
     """Return the angle that spans all, 2 pi less the widest gap."""
     rotations = np.sort(np.mod(angles, 2.0 * pi))
     gaps = np.diff(rotations, append=rotations[0] + 2.0 * pi)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..time_series import noise_level
 
 _NEIGHBOURS = (11, 13)
@@ -12,7 +12,7 @@ _FEWEST = 40  # places; the scatter of as many is known to 15 % or so
 _LEVEL = 0.85  # of the scatter among fewer neighbours: what falls farther with more of them is motion, not noise
 
 
-def widen_errors(times: NDArray[np.float64], positions: NDArray[np.float64], errors: NDArray[np.float64]) -> None:
+def widen_errors(times: Floats, positions: Floats, errors: Floats) -> None:
     """Widen the errors of each marker, across and down, where its places scatter by more, by as much in every frame.
 
     Parameters
@@ -31,7 +31,7 @@ def widen_errors(times: NDArray[np.float64], positions: NDArray[np.float64], err
                 spread[:] = np.sqrt(spread**2 + more)
 
 
-def _scatter(times: NDArray[np.float64], places: NDArray[np.float64]) -> float:
+def _scatter(times: Floats, places: Floats) -> float:
     """Return the standard deviation of noise on a smooth motion; 0 where too few frames show the motion itself.
 
     The more neighbours a difference has, the less of the motion it holds: by the square of the sine of half the angle

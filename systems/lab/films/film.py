@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cellmap.utils import finite_number, whole_number
 
+from ..arrays import Bools, Floats
+
 _DTYPES = (np.uint8, np.uint16, np.float32, np.float64)
 
 
@@ -50,8 +52,8 @@ class Film:
     """
 
     frames: NDArray[Any]
-    times: NDArray[np.float64]
-    dropped: NDArray[np.bool_] = field(default=None)  # type: ignore[arg-type]
+    times: Floats
+    dropped: Bools = field(default=None)  # type: ignore[arg-type]
     exposure: float = 0.0
 
     def __post_init__(self) -> None:
@@ -89,7 +91,7 @@ class Film:
         return self.frames.shape[1], self.frames.shape[2]
 
     @property
-    def missing(self) -> NDArray[np.bool_]:
+    def missing(self) -> Bools:
         """Frames without an image, shape (n,): dropped ones, and those that hold numbers that are not finite."""
         if self.frames.dtype.kind != "f":
             return self.dropped.copy()
@@ -203,23 +205,23 @@ class Camera:
             finite_number(f"origin[{k}]", self.origin[k])
             whole_number(f"shape[{k}]", self.shape[k], at_least=1)
 
-    def pixels(self, places: ArrayLike) -> NDArray[np.float64]:
+    def pixels(self, places: ArrayLike) -> Floats:
         """Return pixels (column, row) of places (x right, y up) in m, arrays of shape (..., 2)."""
         return np.asarray(self.origin) + self.scale * (_pairs("places", places) * [1.0, -1.0])
 
-    def places(self, pixels: ArrayLike) -> NDArray[np.float64]:
+    def places(self, pixels: ArrayLike) -> Floats:
         """Return places (x right, y up) in m of pixels (column, row), arrays of shape (..., 2)."""
         return (_pairs("pixels", pixels) - self.origin) * [1.0, -1.0] / self.scale
 
 
-def _pairs(name: str, given: ArrayLike) -> NDArray[np.float64]:
+def _pairs(name: str, given: ArrayLike) -> Floats:
     pairs = np.asarray(given, np.float64)
     if pairs.shape[-1:] != (2,):
         raise ValueError(f"{name} have the shape {pairs.shape}: give pairs, as (..., 2)")
     return pairs
 
 
-def _increasing(name: str, given: ArrayLike, count: int) -> NDArray[np.float64]:
+def _increasing(name: str, given: ArrayLike, count: int) -> Floats:
     """Return `count` finite times that strictly increase, as a new array."""
     times = np.array(given, np.float64)
     if times.shape != (count,):

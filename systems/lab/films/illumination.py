@@ -7,6 +7,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats
 from .pixel_noise import PixelNoise
 
 _SECTORS = 24  # directions that are distinguished in the surroundings of a blob
@@ -18,12 +19,8 @@ _CHANCE = 12.0  # square of a slope over its standard error, which chance exceed
 
 
 def slope_inside(
-    values: NDArray[np.float64],
-    inside: NDArray[np.bool_],
-    centre: tuple[float, float],
-    radius: float,
-    noise: PixelNoise,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    values: Floats, inside: Bools, centre: tuple[float, float], radius: float, noise: PixelNoise
+) -> tuple[Floats, Floats]:
     """Return by how much a blob grows brighter from pixel to pixel, down and across, and the standard errors.
 
     It is the slope of a plane through the grey values of the pixels that do not touch its outside, together with what
@@ -54,7 +51,7 @@ def slope_inside(
     return taken * slope, np.sqrt(np.diag(squares))
 
 
-def _within(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _within(inside: Bools) -> Bools:
     """Return the pixels whose eight neighbours are inside as well; where they are few, the four at their sides."""
     within = np.zeros_like(inside)
     across = inside[:, :-2] & inside[:, 1:-1] & inside[:, 2:]
@@ -64,7 +61,7 @@ def _within(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return within
 
 
-def _with_rim(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _with_rim(inside: Bools) -> Bools:
     """Return pixels with all that are up to two rows and columns from one of them."""
     tall = inside.copy()
     for k in (1, 2):
@@ -78,13 +75,8 @@ def _with_rim(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def surroundings(
-    values: NDArray[np.float64],
-    near: NDArray[np.int32],
-    inside: NDArray[np.bool_],
-    background: float,
-    contrast: float,
-    uneven: bool,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    values: Floats, near: NDArray[np.int32], inside: Bools, background: float, contrast: float, uneven: bool
+) -> tuple[Floats, Floats]:
     """Return for each pixel the grey value beyond the blob's edge in its direction, and the slope of these values.
 
     So a rod that meets the blob does not pull its centre: the edge is judged by what is on its two sides.  A rod is as

@@ -10,6 +10,7 @@ from math import atan2, hypot, log, pi, remainder
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from .assignment import Choice, match
 from .blobs import Blob, find_blobs, smeared_area
 from .film import Film
@@ -171,7 +172,7 @@ class Search:
                 return marker, rod.pivot
         return None
 
-    def _sure(self, choice: Choice, costs: NDArray[np.float64]) -> Choice:
+    def _sure(self, choice: Choice, costs: Floats) -> Choice:
         """Leave out blobs found again that may as well be another marker that is lost."""
         lost = [marker for marker, memory in enumerate(self.memories) if memory.steps > 0 and choice[marker] < 0]
         sure = list(choice)
@@ -182,7 +183,7 @@ class Search:
                     sure[marker] = -1
         return sure
 
-    def _judge(self, marker: int, number: int, blobs: list[Blob], ratios: NDArray[np.float64], time: float) -> Sight:
+    def _judge(self, marker: int, number: int, blobs: list[Blob], ratios: Floats, time: float) -> Sight:
         if number < 0:
             return Sight(MarkerStatus.LOST)
         blob, ratio, memory = blobs[number], float(ratios[marker, number]), self.memories[marker]

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from .tracks import MarkerStatus
 
 # How much an area may differ from the usual one, at least and in standard deviations: anywhere, and beside flags.
@@ -19,7 +20,7 @@ _MISSED = 20.0  # pixels, and
 _MISSED_RADII = 4.0  # radii, that it would usually have moved meanwhile: six times what it does at a turning point
 
 
-def flag_areas(status: NDArray[np.uint8], areas: NDArray[np.float64]) -> None:
+def flag_areas(status: NDArray[np.uint8], areas: Floats) -> None:
     """Flag sights whose areas stand out among those of the marker, and less sure ones next to flagged frames."""
     for marker in range(status.shape[1]):
         column, area = status[:, marker], areas[:, marker]
@@ -40,9 +41,7 @@ def flag_areas(status: NDArray[np.uint8], areas: NDArray[np.float64]) -> None:
                 flagged = bool(column[k] != MarkerStatus.SEEN)
 
 
-def flag_repeats(
-    status: NDArray[np.uint8], centroids: NDArray[np.float64], errors: NDArray[np.float64], areas: NDArray[np.float64]
-) -> None:
+def flag_repeats(status: NDArray[np.uint8], centroids: Floats, errors: Floats, areas: Floats) -> None:
     """Flag frames that repeat the one before to the last bit, in the middle of a motion, as missing.
 
     Recorders put them in the place of frames that they lost.  Where markers stand, a repeated frame tells the truth.
@@ -63,11 +62,7 @@ def flag_repeats(
 
 
 def flag_standing(
-    status: NDArray[np.uint8],
-    centroids: NDArray[np.float64],
-    errors: NDArray[np.float64],
-    times: NDArray[np.float64],
-    radii: list[float],
+    status: NDArray[np.uint8], centroids: Floats, errors: Floats, times: Floats, radii: list[float]
 ) -> None:
     """Flag what was found again after a loss and stands, where the marker never stood so long before, as lost."""
     for marker, radius in enumerate(radii):
@@ -92,7 +87,7 @@ def flag_standing(
             path += float(np.linalg.norm(np.diff(places[begin:end], axis=0), axis=1).sum())
 
 
-def _standing(places: NDArray[np.float64], still: float) -> NDArray[np.intp]:
+def _standing(places: Floats, still: float) -> NDArray[np.intp]:
     """Return for each place the number of the first one later that is elsewhere, or how many there are."""
     ends, end = np.zeros(len(places), np.intp), 0
     for k, place in enumerate(places):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.optimize import nnls
 
+from ..arrays import Floats
 from .film import Film
 
 _PAIRS, _BINS = 12, 24
@@ -30,7 +31,7 @@ class PixelNoise:
     constant: float
     slope: float
 
-    def variance(self, grey: NDArray[Any]) -> NDArray[np.float64]:
+    def variance(self, grey: NDArray[Any]) -> Floats:
         """Return the variance of pixels of these grey values."""
         return self.constant + self.slope * np.clip(grey, 0.0, None)
 

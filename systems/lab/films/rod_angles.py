@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
 from cellmap.utils import finite_number, whole_number
 
+from ..arrays import Bools, Floats, Ints
 from .tracks import Tracks
 
 Pivot = int | tuple[float, float] | None
@@ -44,13 +44,13 @@ class JointAngles:
         is so long that rotations may have been missed: between stretches, angles are known up to full rotations.
     """
 
-    times: NDArray[np.float64]
-    angles: NDArray[np.float64]
-    errors: NDArray[np.float64]
-    rates: NDArray[np.float64]
-    rate_errors: NDArray[np.float64]
-    stretches: NDArray[np.int64]
-    lengths: NDArray[np.float64]
+    times: Floats
+    angles: Floats
+    errors: Floats
+    rates: Floats
+    rate_errors: Floats
+    stretches: Ints
+    lengths: Floats
 
     def __repr__(self) -> str:
         known = ", ".join(f"{int(k):,}" for k in np.isfinite(self.angles).sum(axis=0))
@@ -62,7 +62,7 @@ class JointAngles:
         )
         return f"JointAngles({len(self.times):,} frames, angles in {known}, stretches: {parts}{loose})"
 
-    def _lengths(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _lengths(self) -> tuple[Floats, Floats]:
         """Return between what nine tenths of the lengths are; twice the median where no more than noise parts them."""
         low, middle, high = np.nanpercentile(self.lengths, [5.0, 50.0, 95.0], axis=0)
         noise = np.nan_to_num(np.nanmedian(np.nan_to_num(self.errors), axis=0))
@@ -154,9 +154,7 @@ def joint_angles(
     return JointAngles(tracks.times, angles, errors, rates, rate_errors, stretches, lengths)
 
 
-def _directions(
-    tracks: Tracks, marker: int, pivot: Pivot
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _directions(tracks: Tracks, marker: int, pivot: Pivot) -> tuple[Floats, Floats, Floats]:
     """Return the wrapped angles of a rod, their standard errors, and its lengths (pixels)."""
     end, spread = tracks.positions[:, marker], tracks.errors[:, marker] ** 2
     if isinstance(pivot, tuple):
@@ -175,9 +173,7 @@ def _directions(
     return np.arctan2(across, down), error, np.sqrt(squared)
 
 
-def _unwrapped(
-    angle: NDArray[np.float64], times: NDArray[np.float64], turn_limit: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _unwrapped(angle: Floats, times: Floats, turn_limit: float) -> tuple[Floats, Ints]:
     """Return angles that go on across turns, and the number of the stretch over which turns are sure."""
     steps = np.diff(angle)
     steps -= 2.0 * np.pi * np.round(steps / (2.0 * np.pi))
@@ -189,7 +185,7 @@ def _unwrapped(
     return angle[0] + np.concatenate([[0.0], np.cumsum(steps)]), np.concatenate([[0], np.cumsum(unsure)])
 
 
-def _runs(times: NDArray[np.float64], known: NDArray[np.bool_], stretches: NDArray[np.int64]) -> list[slice]:
+def _runs(times: Floats, known: Bools, stretches: Ints) -> list[slice]:
     """Return the runs of known frames without one absent between them, at twice the usual time, or a new stretch."""
     usual = float(np.median(np.diff(times)))
     breaks = (np.diff(times) > 1.75 * usual) | (np.diff(known.astype(int)) != 0) | (np.diff(stretches) != 0)
@@ -198,13 +194,8 @@ def _runs(times: NDArray[np.float64], known: NDArray[np.bool_], stretches: NDArr
 
 
 def _slopes(
-    times: NDArray[np.float64],
-    values: NDArray[np.float64],
-    errors: NDArray[np.float64],
-    window: int,
-    degree: int,
-    one_sided: bool,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    times: Floats, values: Floats, errors: Floats, window: int, degree: int, one_sided: bool
+) -> tuple[Floats, Floats]:
     """Return slopes of a run, and their standard errors; NaN where no window fits."""
     count, half = len(times), window // 2
     slopes, spreads = np.full((2, count), np.nan)
@@ -229,7 +220,7 @@ def _slopes(
     return slopes, np.sqrt(spreads**2 + _not_followed(missed, chance, window))
 
 
-def _not_followed(missed: NDArray[np.float64], chance: NDArray[np.float64], window: int) -> NDArray[np.float64]:
+def _not_followed(missed: Floats, chance: Floats, window: int) -> Floats:
     """Return the squares of what a polynomial misses of the slopes, from what one of a higher degree changes them by.
 
     Of the squares of these changes, those that the errors of the values cause are taken off; nothing is left where the
@@ -246,14 +237,14 @@ def _not_followed(missed: NDArray[np.float64], chance: NDArray[np.float64], wind
     return nothing
 
 
-def _both_weights(offsets: NDArray[np.float64], degree: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _both_weights(offsets: Floats, degree: int) -> tuple[Floats, Floats]:
     """Return the weights of a slope, and of what two degrees more change of it; 0 where a window has too few values."""
     weights = _weights(offsets, degree)
     higher = min(degree + 2, len(offsets) - 1)
     return weights, _weights(offsets, higher) - weights
 
 
-def _weights(offsets: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
+def _weights(offsets: Floats, degree: int) -> Floats:
     """Return the weights of values whose sum is the slope at 0 of the polynomial fitted to them."""
     scale = float(np.abs(offsets).max())
     design = np.vander(offsets / scale, degree + 1, increasing=True)

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cellmap.utils import finite_number, progress_bar, whole_number
 
+from ..arrays import Floats
 from .error_estimates import widen_errors
 from .film import Film
 from .first_frame import read_first_frame
@@ -132,9 +133,7 @@ def track_markers(
     return Tracks(film.times, positions, errors, status, centroids, areas, setup.threshold)
 
 
-def _followed(
-    search: Search, progress: bool
-) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _followed(search: Search, progress: bool) -> tuple[NDArray[np.uint8], Floats, Floats, Floats]:
     """Return status, centroids, their errors and areas over the expected ones, in all frames."""
     count, markers, missing = len(search.film), len(search.memories), search.film.missing
     status = np.full((count, markers), MarkerStatus.NO_FRAME, np.uint8)

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cellmap.utils import finite_number, whole_number
 
+from ..arrays import Floats
+
 
 class MarkerStatus(IntEnum):
     """What is known of a marker in a frame."""
@@ -141,12 +143,12 @@ class Tracks:
         Grey value above which markers were looked for.
     """
 
-    times: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    errors: NDArray[np.float64]
+    times: Floats
+    positions: Floats
+    errors: Floats
     status: NDArray[np.uint8]
-    centroids: NDArray[np.float64]
-    areas: NDArray[np.float64]
+    centroids: Floats
+    areas: Floats
     threshold: float
 
     def __repr__(self) -> str:
@@ -168,9 +170,7 @@ class Tracks:
         return found
 
 
-def pivot_on_rail(
-    ends: ArrayLike, length: float, column: float, near: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def pivot_on_rail(ends: ArrayLike, length: float, column: float, near: float) -> tuple[Floats, Floats]:
     """Return the pivot that moves only vertically, from the other end of its rod.
 
     Two points of the column are at this distance from each end.  From frame to frame the point nearest to the one

@@ -16,13 +16,14 @@ from dataclasses import dataclass
 from math import log
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 from scipy.special import ellipe, ellipk
 
 from cellmap.utils import finite_number
 
+from ..arrays import Floats
 from .natural_frequency import natural_frequency
 from .quadratic_fit import check_decay
 from .swing_extremes import Envelope
@@ -83,7 +84,7 @@ class DecayModel:
         terms = ", ".join(f"{n} {v:.4g} +- {self.standard_errors[n]:.2g}" for n, v in self.coefficients.items())
         return f"DecayModel({self.kind}: {terms}; RMSE {self.rmse:.3g} rad, AICc {self.aicc:.1f})"
 
-    def __call__(self, times: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, times: ArrayLike) -> Floats:
         """Return the amplitude (rad) at increasing times (s) from `start` on."""
         t = np.asarray(times, dtype=float)
         return decaying(self.amplitude, self.coefficients, self.frequency, t - self.start)
@@ -182,12 +183,10 @@ def checked_kinds(kinds: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(kinds))
 
 
-def decaying(
-    amplitude: float, coefficients: Mapping[str, float], frequency: float, times: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def decaying(amplitude: float, coefficients: Mapping[str, float], frequency: float, times: Floats) -> Floats:
     """Return the amplitude (rad) of a swing at times (s) from 0 on, shape (n,), increasing; 0 once it has stopped."""
 
-    def loss(t: float, a: NDArray[np.float64]) -> NDArray[np.float64]:
+    def loss(t: float, a: Floats) -> Floats:
         rates = _rates(np.maximum(a, _SMALLEST), frequency, coefficients)
         return -sum((c * rates[n] for n, c in coefficients.items()), np.zeros_like(a))
 
@@ -197,7 +196,7 @@ def decaying(
     return np.maximum(found.y[0, len(grown) - len(times) :], 0.0)
 
 
-def _rates(a: NDArray[np.float64], w: float, names: Iterable[str]) -> dict[str, NDArray[np.float64]]:
+def _rates(a: Floats, w: float, names: Iterable[str]) -> dict[str, Floats]:
     """Loss of amplitude per time for coefficients of 1, of some names."""
     m = np.sin(0.5 * a) ** 2
     k, turning = ellipk(m), np.sin(a)
@@ -224,7 +223,7 @@ def _fitted(kind: str, envelope: Envelope, frequency: float) -> DecayModel:
     rates = _rates(middle, frequency, names)
     begin = [float(heights[0]), *(slope / (len(names) * float(rates[n][0])) for n in names)]
 
-    def residuals(q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residuals(q: Floats) -> Floats:
         curve = decaying(float(q[0]), dict(zip(names, q[1:].tolist(), strict=True)), frequency, t)
         return (curve - heights) / errors
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..arrays import Bools, Floats, Ints
 
 _MOST_HIDDEN = 4  # pairs of half swings in an interval from which the time of one is guessed
 _TRIED = 400  # times that are tried, at most
@@ -13,13 +14,13 @@ _SILENT = 3  # times as many half swings without an extreme as ever before are t
 _WATCHED = 0.25  # if no gap among them is longer than this fraction of one
 
 
-def counted(lasted: NDArray[np.float64], odd: NDArray[np.bool_]) -> NDArray[np.int64]:
+def counted(lasted: Floats, odd: Bools) -> Ints:
     """Return the nearest odd number of half swings where sides change, else the nearest even one."""
     pairs = np.rint((lasted - odd) / 2.0).astype(np.int64)
     return np.where(odd, 2 * np.maximum(pairs, 0) + 1, 2 * np.maximum(pairs, 1))
 
 
-def half_period(times: NDArray[np.float64], odd: NDArray[np.bool_]) -> float:
+def half_period(times: Floats, odd: Bools) -> float:
     """Return the longest of all times of which no shorter one fits clearly more intervals.
 
     Where many extremes are hidden, the typical interval is none of one half swing; short times fit some by chance.
@@ -52,9 +53,7 @@ def half_period(times: NDArray[np.float64], odd: NDArray[np.bool_]) -> float:
     return float(np.median(times[good] / near[good]))
 
 
-def in_step(
-    times: NDArray[np.float64], steps: NDArray[np.int64], misfits: NDArray[np.float64], seen: NDArray[np.float64]
-) -> int:
+def in_step(times: Floats, steps: Ints, misfits: Floats, seen: Floats) -> int:
     """Return how many extremes belong to the swing; the last ones may be noise, or the bend of a rod that has stopped.
 
     Those, up to a quarter of all, are out of step, or come after many half swings without an extreme, of which there

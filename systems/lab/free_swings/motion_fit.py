@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from math import inf, log
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.special import stdtrit
 
 from cellmap import ForcedSystem
 from cellmap.utils import finite_number, finite_points
 
+from ..arrays import Floats
 from ..time_series import measured_series, neighbour_correlation, widening
 from .simulation import Simulation, clear_of_noise
 
@@ -56,9 +57,9 @@ class MotionFit:
     system: ForcedSystem
     estimates: Mapping[str, float]
     standard_errors: Mapping[str, float]
-    times: NDArray[np.float64]
-    measured: NDArray[np.float64]
-    simulated: NDArray[np.float64]
+    times: Floats
+    measured: Floats
+    simulated: Floats
     correlation: float
     aicc: float
     at_bound: tuple[str, ...]
@@ -76,7 +77,7 @@ class MotionFit:
         return f"MotionFit({'; '.join([values, f'RMSE {self.rmse:.3g}', *flaws])})"
 
     @property
-    def residuals(self) -> NDArray[np.float64]:
+    def residuals(self) -> Floats:
         """Measured less simulated values, shape (n, m)."""
         return self.measured - self.simulated
 
@@ -185,9 +186,7 @@ def fit_motion(
     return _record(job, found if system.switches is None else _past_stops(job, found, low, high), low, high)
 
 
-def _least_squares(
-    job: Simulation, begin: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], fine: bool
-) -> OptimizeResult:
+def _least_squares(job: Simulation, begin: Floats, low: Floats, high: Floats, fine: bool) -> OptimizeResult:
     xtol, ftol, most = (1e-8, 1e-10, 100) if fine else (1e-4, 1e-5, 20)
     return least_squares(
         job.residuals,
@@ -202,9 +201,7 @@ def _least_squares(
     )
 
 
-def _past_stops(
-    job: Simulation, found: OptimizeResult, low: NDArray[np.float64], high: NDArray[np.float64]
-) -> OptimizeResult:
+def _past_stops(job: Simulation, found: OptimizeResult, low: Floats, high: Floats) -> OptimizeResult:
     """Fit again from what the motion says before it stops, and keep the best.
 
     Where friction may stop it a half swing earlier or later, the sum of squares jumps and has many minima; the part
@@ -223,7 +220,7 @@ def _past_stops(
     return found
 
 
-def _record(job: Simulation, found: OptimizeResult, low: NDArray[np.float64], high: NDArray[np.float64]) -> MotionFit:
+def _record(job: Simulation, found: OptimizeResult, low: Floats, high: Floats) -> MotionFit:
     q, simulated = found.x, job(found.x[None])[0]
     if not np.isfinite(simulated).all():
         raise ValueError(f"system={job.system!r}: its motion ends in a failure of the integration; change start=")
@@ -249,9 +246,7 @@ def _record(job: Simulation, found: OptimizeResult, low: NDArray[np.float64], hi
     )
 
 
-def _bounds(
-    names: tuple[str, ...], begin: NDArray[np.float64], given: Bounds
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _bounds(names: tuple[str, ...], begin: Floats, given: Bounds) -> tuple[Floats, Floats]:
     low, high = np.full(begin.size, -inf), np.full(begin.size, inf)
     low[: len(names)][begin[: len(names)] > 0.0] = 0.0
     for name, (least, most) in given.items():
@@ -263,7 +258,7 @@ def _bounds(
     return low, high
 
 
-def _measured(times: ArrayLike, measured: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _measured(times: ArrayLike, measured: ArrayLike) -> tuple[Floats, Floats]:
     """Times (n,) and columns (n, m), checked."""
     try:
         columns = np.array(measured, dtype=np.float64)
@@ -276,9 +271,7 @@ def _measured(times: ArrayLike, measured: ArrayLike) -> tuple[NDArray[np.float64
     return checked[0][0], np.stack([values for _, values in checked], axis=-1)
 
 
-def _start(
-    t: NDArray[np.float64], x: NDArray[np.float64], system: ForcedSystem, start: Sequence[float] | None
-) -> list[float]:
+def _start(t: Floats, x: Floats, system: ForcedSystem, start: Sequence[float] | None) -> list[float]:
     """First guess of the state at the first time: a parabola through the first samples of each column."""
     if start is not None:
         return [float(v) for v in finite_points("start", start, system.dimension).reshape(system.dimension)]

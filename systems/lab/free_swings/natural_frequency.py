@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from math import pi
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 from scipy.special import ellipj
 
 from cellmap.utils import finite_number, one_of
 
+from ..arrays import Floats
 from ..time_series import measured_series, widening
 from .swing_extremes import GAUSS, Envelope, check_rhythm, slowing, swing_envelope
 
@@ -141,7 +142,7 @@ def sine_fit(times: ArrayLike, angles: ArrayLike, periods: float = 1.0, shape: s
     waves = np.stack([np.ones_like(late), np.cos(guess * late), np.sin(guess * late)], axis=-1)
     (rest, even, odd), *_ = np.linalg.lstsq(waves, values, rcond=None)
 
-    def residuals(q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residuals(q: Floats) -> Floats:
         rest, amplitude, decay, w, phase = q
         return np.asarray(rest + wave(amplitude, decay, w, phase, late) - values)
 
@@ -206,7 +207,7 @@ def natural_frequency(envelope: Envelope) -> Estimate:
     return Estimate(found.value, float(np.hypot(found.standard_error, other.value - found.value)))
 
 
-def _line(order: NDArray[np.float64], envelope: Envelope, weights: NDArray[np.float64]) -> Estimate:
+def _line(order: Floats, envelope: Envelope, weights: Floats) -> Estimate:
     x, y = (v - np.average(v, weights=weights) for v in (order, envelope.times))
     spread = float(weights @ x**2)
     half = float(weights @ (x * y)) / spread
@@ -244,7 +245,7 @@ def effective_length(frequency: Estimate, gravity: float = 9.8) -> Estimate:
     return Estimate(length, 2.0 * length * frequency.standard_error / w)
 
 
-def swing(amplitude: ArrayLike, phase: ArrayLike) -> NDArray[np.float64]:
+def swing(amplitude: ArrayLike, phase: ArrayLike) -> Floats:
     """Return the angle (rad) of the undamped pendulum at a phase (rad) from its farthest point, 2 pi a period.
 
     Parameters
@@ -270,7 +271,7 @@ def swing(amplitude: ArrayLike, phase: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(2.0 * np.arcsin(k * cn / dn))
 
 
-def _pendulum(amplitude: float, decay: float, w: float, phase: float, late: NDArray[np.float64]) -> NDArray[np.float64]:
+def _pendulum(amplitude: float, decay: float, w: float, phase: float, late: Floats) -> Floats:
     """Wave of a swing whose amplitude falls, with the frequency that goes with it, integrated by Gauss's rule."""
     nodes, weights = GAUSS
     between = 0.5 * late[:, None] * (nodes + 1.0)
@@ -279,5 +280,5 @@ def _pendulum(amplitude: float, decay: float, w: float, phase: float, late: NDAr
     return swing(amplitude * np.exp(-decay * late), w * turned + phase)
 
 
-def _sine(amplitude: float, decay: float, w: float, phase: float, late: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sine(amplitude: float, decay: float, w: float, phase: float, late: Floats) -> Floats:
     return amplitude * np.exp(-decay * late) * np.cos(w * late + phase)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from cellmap.utils import finite_number
 
+from ..arrays import Floats
 from .swing_extremes import Envelope
 
 
@@ -31,8 +32,8 @@ class QuadraticDecay:
         The extremes.
     """
 
-    coefficients: NDArray[np.float64]
-    standard_errors: NDArray[np.float64]
+    coefficients: Floats
+    standard_errors: Floats
     rmse: float
     start: float
     envelope: Envelope
@@ -42,7 +43,7 @@ class QuadraticDecay:
         terms = ", ".join(f"{n} = {v:.4g} +- {r:.2g}" for n, v, r in zip("abc", self.coefficients, reach, strict=True))
         return f"QuadraticDecay({terms} (95 %), RMSE {self.rmse:.4g})"
 
-    def half_widths(self, confidence: float = 0.95) -> NDArray[np.float64]:
+    def half_widths(self, confidence: float = 0.95) -> Floats:
         """Return half the widths of the intervals of a, b and c (Student's distribution)."""
         freedom = len(self.envelope.times) - 3
         fraction = finite_number("confidence", confidence, above=0.0, at_most=1.0 - 1e-12)
@@ -57,7 +58,7 @@ class QuadraticDecay:
         a, b, c = self.coefficients.tolist()
         return 2.0 * a * c / (b * b)
 
-    def __call__(self, times: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, times: ArrayLike) -> Floats:
         """Return the parabola at some times (s)."""
         a, b, c = self.coefficients
         t = np.asarray(times, dtype=float) - self.start

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field, replace
 from math import ceil, pi
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from cellmap import ForcedSystem, trajectory
 from cellmap.maps import swept_system
 
+from ..arrays import Bools, Floats
 from ..time_series import noise_level
 
 _STEP = 1e-4  # of a difference quotient, relative to the size of what changes
@@ -50,11 +50,11 @@ class Simulation:
 
     system: ForcedSystem
     names: tuple[str, ...]
-    times: NDArray[np.float64]
-    measured: NDArray[np.float64]
+    times: Floats
+    measured: Floats
     zero: bool
     tolerance: float
-    clear: NDArray[np.float64]
+    clear: Floats
     _swept: dict[str, ForcedSystem] = field(default_factory=dict)
 
     @property
@@ -65,7 +65,7 @@ class Simulation:
         return [*self.names, *(f"start {name}" for name in axes), *(f"zero {name}" for name in zeros)]
 
     @property
-    def seen(self) -> NDArray[np.bool_]:
+    def seen(self) -> Bools:
         """Where there is a value, shape (n, m)."""
         return np.isfinite(self.measured)
 
@@ -81,7 +81,7 @@ class Simulation:
         return 0.5 * max(crossings)
 
     @property
-    def sizes(self) -> NDArray[np.float64]:
+    def sizes(self) -> Floats:
         """Sizes of the unknowns: of parameters their first guess, of states and zeros the range of what is measured."""
         wide = [float(np.nanmax(c) - np.nanmin(c)) for c in self.measured.T]
         rate = 2.0 * pi * max(self.swings, 0.5) / float(self.times[-1] - self.times[0])
@@ -97,7 +97,7 @@ class Simulation:
         stop = int(np.searchsorted(self.times, end, side="right"))
         return replace(self, times=self.times[:stop], measured=self.measured[:stop])
 
-    def __call__(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, rows: Floats) -> Floats:
         """Return the measured coordinates of rows of unknowns, shape (rows, n, m); NaN where the integration failed."""
         p, d, m = len(self.names), self.system.dimension, self.measured.shape[1]
         initial_conditions = np.concatenate([rows[:, p : p + d], rows[:, :p]], axis=1)
@@ -109,7 +109,7 @@ class Simulation:
             values[mine] = self._motions(initial_conditions[mine], length)
         return values + rows[:, None, p + d :] if self.zero else values
 
-    def _length(self, parameters: NDArray[np.float64]) -> float:
+    def _length(self, parameters: Floats) -> float:
         """Return the period at values of the varied parameters; 0 where it is out of all proportion."""
         period, usual = self.system.period, self.system.length
         if not callable(period):
@@ -121,7 +121,7 @@ class Simulation:
             return 0.0
         return length if usual / _WIDE < length < usual * _WIDE else 0.0
 
-    def _motions(self, initial_conditions: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+    def _motions(self, initial_conditions: Floats, length: float) -> Floats:
         """Return the measured coordinates of initial conditions with one period; NaN where the integration failed."""
         periods, samples = self._sampling(length)
         # The forcing repeats itself, so that whole periods before the first time do not matter.
@@ -136,14 +136,12 @@ class Simulation:
         values[good] = CubicSpline(moments, states[good], axis=1)(self.times - self.times[0])
         return values
 
-    def residuals(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residuals(self, q: Floats) -> Floats:
         """Return simulated less measured values where there are any; huge ones for a motion that ends nowhere."""
         rest = (self(q[None])[0] - self.measured)[self.seen]
         return np.where(np.isfinite(rest), rest, 1e3 * float(np.ptp(self.measured[self.seen])))
 
-    def slopes(
-        self, q: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def slopes(self, q: Floats, low: Floats, high: Floats) -> Floats:
         """Return the derivatives of the residuals, all difference quotients from one batch within the bounds."""
         step = np.diag(_STEP * np.maximum(np.abs(q), self.sizes))
         up, down = np.minimum(q + step, high), np.maximum(q - step, low)
@@ -163,7 +161,7 @@ class Simulation:
         return max(1, ceil(span / length - 1e-9)), max(4, ceil(length / fine - 1e-9))
 
 
-def clear_of_noise(times: NDArray[np.float64], measured: NDArray[np.float64]) -> NDArray[np.float64]:
+def clear_of_noise(times: Floats, measured: Floats) -> Floats:
     """Return the distance from the middle beyond which each coordinate swings, and does not merely scatter.
 
     Parameters

@@ -13,6 +13,7 @@ from scipy.special import ellipk
 
 from cellmap.utils import finite_number
 
+from ..arrays import Bools, Floats, Ints
 from ..time_series import measured_series, noise_level
 from .half_swings import SURE, counted, half_period, in_step
 
@@ -58,11 +59,11 @@ class Envelope:
         Standard deviation of the noise of a sample (rad).
     """
 
-    times: NDArray[np.float64]
-    amplitudes: NDArray[np.float64]
+    times: Floats
+    amplitudes: Floats
     sides: NDArray[np.int8]
-    standard_errors: NDArray[np.float64]
-    time_errors: NDArray[np.float64]
+    standard_errors: Floats
+    time_errors: Floats
     rest: float
     noise: float
 
@@ -75,12 +76,12 @@ class Envelope:
         )
 
     @property
-    def half_swings(self) -> NDArray[np.int64]:
+    def half_swings(self) -> Ints:
         """Half swings from each extreme to the next, shape (n - 1,): 1, or more where gaps of the series hide some."""
         return counted(*self._lasted())
 
     @property
-    def misfits(self) -> NDArray[np.float64]:
+    def misfits(self) -> Floats:
         """By how much each interval differs from its `half_swings`, as a fraction of one, shape (n - 1,); at most 1.
 
         The count is a guess where it is large: beyond ``SURE`` the nearest counts may be as good.
@@ -88,13 +89,13 @@ class Envelope:
         lasted, odd = self._lasted()
         return np.abs(lasted - counted(lasted, odd))
 
-    def _lasted(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def _lasted(self) -> tuple[Floats, Bools]:
         """Half swings, not rounded, that each interval lasts at small amplitude, and whether sides change in it."""
         times, odd = np.diff(self.times) / self.slowings, np.diff(self.sides) != 0
         return times / half_period(times, odd), odd
 
     @property
-    def slowings(self) -> NDArray[np.float64]:
+    def slowings(self) -> Floats:
         """Mean ratio of the period to that of small swings from each extreme to the next, shape (n - 1,)."""
         nodes, weights = GAUSS
         late = self.times[:-1, None] + 0.5 * np.diff(self.times)[:, None] * (nodes + 1.0)
@@ -158,7 +159,7 @@ def swing_envelope(times: ArrayLike, angles: ArrayLike, rest: float | None = Non
     return envelope
 
 
-def _check(found: list[_Extreme], t: NDArray[np.float64], x: NDArray[np.float64], middle: float, noise: float) -> None:
+def _check(found: list[_Extreme], t: Floats, x: Floats, middle: float, noise: float) -> None:
     if np.nanmax(np.abs(x - middle)) >= pi:
         raise ValueError(
             f"angles go {np.nanmax(np.abs(x - middle)):.3g} rad from rest at {middle:.3g}, over the top: cut the "
@@ -172,7 +173,7 @@ def _check(found: list[_Extreme], t: NDArray[np.float64], x: NDArray[np.float64]
         )
 
 
-def _middle(t: NDArray[np.float64], x: NDArray[np.float64], noise: float) -> float:
+def _middle(t: Floats, x: Floats, noise: float) -> float:
     """Angle midway between maxima and minima; a parabola through three neighbours in turn takes out their decay.
 
     A swing that loses most of its height at once is not about the middle of all angles: then their median is near it.
@@ -182,7 +183,7 @@ def _middle(t: NDArray[np.float64], x: NDArray[np.float64], noise: float) -> flo
     return next((middle for middle in found if middle is not None), begin)
 
 
-def _middle_from(middle: float, t: NDArray[np.float64], x: NDArray[np.float64], noise: float) -> float | None:
+def _middle_from(middle: float, t: Floats, x: Floats, noise: float) -> float | None:
     """Return the same from a first guess; None where too few extremes are about it."""
     for _ in range(_ROUNDS):
         found = _extremes(t, x, middle, noise)
@@ -194,7 +195,7 @@ def _middle_from(middle: float, t: NDArray[np.float64], x: NDArray[np.float64], 
     return middle
 
 
-def _half_swings(x: NDArray[np.float64], clear: float) -> list[tuple[int, int, int]]:
+def _half_swings(x: Floats, clear: float) -> list[tuple[int, int, int]]:
     """Sides, first and last sample of the half swings; a swing begins where it is clear of rest on the other side."""
     signs = np.where(x > clear, 1, np.where(x < -clear, -1, 0))
     places = np.flatnonzero(signs)
@@ -204,7 +205,7 @@ def _half_swings(x: NDArray[np.float64], clear: float) -> list[tuple[int, int, i
     return [(int(signs[p[0]]), int(p[0]), int(p[-1])) for p in np.split(places, rotations)]
 
 
-def _extremes(t: NDArray[np.float64], x: NDArray[np.float64], middle: float, noise: float) -> list[_Extreme]:
+def _extremes(t: Floats, x: Floats, middle: float, noise: float) -> list[_Extreme]:
     found = []
     for side, first, last in _half_swings(x - middle, _CLEAR * noise):
         heights = side * (x[first : last + 1] - middle)
@@ -216,7 +217,7 @@ def _extremes(t: NDArray[np.float64], x: NDArray[np.float64], middle: float, noi
     return found
 
 
-def _extreme(t: NDArray[np.float64], x: NDArray[np.float64], cap: NDArray[np.intp], noise: float) -> _Extreme | None:
+def _extreme(t: Floats, x: Floats, cap: NDArray[np.intp], noise: float) -> _Extreme | None:
     """Time and height of a maximum with their errors, from the samples near it; None where a gap may hide it."""
     seen = np.flatnonzero(np.isfinite(x))
     before, after = seen[seen < cap[0]], seen[seen > cap[-1]]
@@ -284,6 +285,6 @@ def check_rhythm(envelope: Envelope, first: int) -> None:
         )
 
 
-def slowing(amplitude: ArrayLike) -> NDArray[np.float64]:
+def slowing(amplitude: ArrayLike) -> Floats:
     """Return by what factor the period of a pendulum at an amplitude (rad) exceeds that of small swings: 2 K/pi."""
     return np.asarray(2.0 / pi * ellipk(np.sin(0.5 * np.asarray(amplitude, dtype=float)) ** 2))

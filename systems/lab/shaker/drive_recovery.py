@@ -10,6 +10,7 @@ from scipy import stats
 
 from cellmap.utils import finite_number, one_of, whole_number
 
+from ..arrays import Floats
 from ..time_series import measured_series
 from .drive_search import (
     FEWEST_PERIODS,
@@ -21,7 +22,7 @@ from .drive_search import (
     saturated,
     without,
 )
-from .harmonic_fit import Array, Fit, Record, resolution_of
+from .harmonic_fit import Fit, Record, resolution_of
 from .recovered_drive import RecoveredDrive as RecoveredDrive
 
 _FEWEST_SAMPLES = 10
@@ -178,7 +179,7 @@ def _checked(limits: tuple[float, float] | None) -> tuple[float, float] | None:
 
 
 def _described(
-    record: Record, fit: Fit, factors: Array, middle: float, shift: float, scale: float, lost: tuple[int, int]
+    record: Record, fit: Fit, factors: Floats, middle: float, shift: float, scale: float, lost: tuple[int, int]
 ) -> RecoveredDrive:
     trends, half, rate = record.trends, 0.5 * record.span, fit.rate
     count = len(fit.gains)
@@ -229,7 +230,7 @@ def _described(
     )
 
 
-def _neighbours(record: Record, residuals: Array) -> float:
+def _neighbours(record: Record, residuals: Floats) -> float:
     """Correlation of the residuals of samples with no gap between them."""
     near = np.diff(record.times) < 1.5 * record.spacing
     square = float(residuals @ residuals) / len(residuals)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from ..arrays import Bools, Floats
 from .harmonic_fit import (
-    Array,
     Fit,
     Record,
     Spectrum,
@@ -66,7 +66,7 @@ class Choice:
 
     fit: Fit
     harmonics: int
-    noise: Array
+    noise: Floats
     spectrum: Spectrum
     ordinates: int
     chance: float
@@ -77,7 +77,7 @@ class Choice:
 
 def find_drive(
     record: Record, frequency: float | None, harmonics: int | None, start: float | None = None
-) -> tuple[Fit, Array, int]:
+) -> tuple[Fit, Floats, int]:
     """Return the fit, the noise at the frequency 0 and at its harmonics, and of how many ordinates that is.
 
     Arguments and errors are those of :func:`~systems.lab.shaker.drive_recovery.recover_drive`.  Where a good guess is
@@ -208,14 +208,14 @@ def _fundamental(record: Record, choice: Choice, harmonics: int | None) -> Choic
     return best
 
 
-def saturated(readings: Array, limits: tuple[float, float] | None) -> NDArray[np.bool_]:
+def saturated(readings: Floats, limits: tuple[float, float] | None) -> Bools:
     """Tell which samples look saturated: at the limits of the sensor, or else in runs of equal extremes."""
     if limits is not None:
         return (readings <= limits[0]) | (readings >= limits[1])
     return _plateaus(readings, [readings == extreme for extreme in (readings.min(), readings.max())])
 
 
-def crowded(readings: Array) -> NDArray[np.bool_]:
+def crowded(readings: Floats) -> Bools:
     """Tell which samples crowd at an extreme as narrowly as the noise: saturated ones, if noise came in after that.
 
     Where hardly any are left besides, the wave is square, and there are none.
@@ -230,7 +230,7 @@ def crowded(readings: Array) -> NDArray[np.bool_]:
     return found & (found.mean() <= MOST_SATURATED)
 
 
-def _plateaus(readings: Array, bands: list[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+def _plateaus(readings: Floats, bands: list[Bools]) -> Bools:
     """Return the samples of the bands in which some follow each other."""
     bad = np.zeros(len(readings), bool)
     for band in bands:
@@ -239,12 +239,12 @@ def _plateaus(readings: Array, bands: list[NDArray[np.bool_]]) -> NDArray[np.boo
     return bad
 
 
-def _roughness(readings: Array) -> float:
+def _roughness(readings: Floats) -> float:
     """Return the standard deviation of independent noise on a smooth wave, by fourth differences."""
     return 1.4826 * float(np.median(np.abs(np.diff(readings, 4)))) / sqrt(70.0)
 
 
-def dead_times(record: Record, frequency: float | None, harmonics: int | None, rate: float) -> NDArray[np.bool_]:
+def dead_times(record: Record, frequency: float | None, harmonics: int | None, rate: float) -> Bools:
     """Tell which samples a sensor repeated while it was dead: runs of equal ones that the fit of the others misses."""
     none = np.zeros(len(record.values), bool)
     edges = np.flatnonzero(np.diff(record.values) != 0.0) + 1
@@ -268,12 +268,12 @@ def dead_times(record: Record, frequency: float | None, harmonics: int | None, r
     return none
 
 
-def without(record: Record, bad: NDArray[np.bool_]) -> Record:
+def without(record: Record, bad: Bools) -> Record:
     """Return a record without some samples."""
     return replace(record, times=record.times[~bad], values=record.values[~bad])
 
 
-def beyond_limits(record: Record, fit: Fit, bad: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def beyond_limits(record: Record, fit: Fit, bad: Bools) -> Bools:
     """Tell which samples the fit of the others puts beyond the plateaus of the record; none if it puts them on these.
 
     A coarse converter gives runs of equal samples as well, where the motion turns, and the fit passes through them

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from math import exp, log, pi
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import fft, linalg
 
-Array = NDArray[np.float64]
+from ..arrays import Floats
 
 ORDINATES = 40  # of the periodogram, from which the noise at one frequency is estimated
 _CHUNK = 8192  # samples whose terms fit into the cache
@@ -40,8 +40,8 @@ class Record:
         Step of the converter, if the values have one.
     """
 
-    times: Array
-    values: Array
+    times: Floats
+    values: Floats
     drift: bool
     resolution: float = 0.0
 
@@ -93,10 +93,10 @@ class Fit:
     """
 
     rate: float
-    coefficients: Array
-    residuals: Array
-    gram: Array
-    gains: Array
+    coefficients: Floats
+    residuals: Floats
+    gram: Floats
+    gains: Floats
 
     def __repr__(self) -> str:
         return f"Fit({self.rate / (2.0 * pi):g} Hz, {len(self.gains)} harmonics)"
@@ -133,13 +133,13 @@ def _rate_error(fit: Fit) -> float:
     return float(np.sqrt(max(fit.variance * inverse[-1, -1], 0.0)))
 
 
-def model(record: Record, rate: float, coefficients: Array) -> Array:
+def model(record: Record, rate: float, coefficients: Floats) -> Floats:
     """Return the model at the times of a record."""
     harmonics = (len(coefficients) - record.trends) // 2
     return np.concatenate([coefficients @ rows for _, rows in _rows(record, rate, harmonics)])
 
 
-def _rows(record: Record, rate: float, harmonics: int) -> Iterator[tuple[slice, Array]]:
+def _rows(record: Record, rate: float, harmonics: int) -> Iterator[tuple[slice, Floats]]:
     """Yield the terms of the linear part as rows, some samples at a time."""
     half = 0.5 * record.span
     for first in range(0, len(record.times), _CHUNK):
@@ -192,18 +192,18 @@ class Spectrum:
     """Periodogram: for white noise each `power` is the variance on average; at multiples of `step` (Hz)."""
 
     step: float
-    power: Array
+    power: Floats
 
     def __repr__(self) -> str:
         return f"Spectrum({len(self.power)} places, {self.step:g} Hz apart)"
 
-    def at(self, frequencies: ArrayLike) -> Array:
+    def at(self, frequencies: ArrayLike) -> Floats:
         """Return the power at the nearest places."""
         places = np.rint(np.asarray(frequencies) / self.step).astype(int)
         return self.power[np.clip(places, 0, len(self.power) - 1)]
 
 
-def periodogram(record: Record, values: Array) -> Spectrum:
+def periodogram(record: Record, values: Floats) -> Spectrum:
     """Return the periodogram of values at the times of a record, up to the limit of Nyquist.
 
     Samples at uneven times are divided between the nearest two nodes of a grid twice as fine, and the loss at high
@@ -238,7 +238,7 @@ def periodogram(record: Record, values: Array) -> Spectrum:
     return Spectrum(step, power)
 
 
-def resolution_of(values: Array) -> float:
+def resolution_of(values: Floats) -> float:
     """Return the step of which all differences of values are multiples; 0 where there is none."""
     gaps = np.diff(np.unique(values))
     gaps = gaps[gaps > 1e-9 * np.ptp(values)]
@@ -248,7 +248,7 @@ def resolution_of(values: Array) -> float:
     return step if np.abs(gaps / step - np.rint(gaps / step)).max() < 1e-3 else 0.0
 
 
-def noise_about(record: Record, fit: Fit, spectrum: Spectrum, most: int) -> tuple[Array, int]:
+def noise_about(record: Record, fit: Fit, spectrum: Spectrum, most: int) -> tuple[Floats, int]:
     """Return the noise at the multiples 0 to `most` of the frequency of a fit, from the periodogram of its residuals.
 
     It is the mean of the ordinates about each multiple, but those that the harmonics take up: one over the record
@@ -276,7 +276,7 @@ def noise_about(record: Record, fit: Fit, spectrum: Spectrum, most: int) -> tupl
     return np.maximum(noise, 1e-22), max(2, count // 2)
 
 
-def harmonics_by_information(gains: Array, noise: Array, samples: int) -> int:
+def harmonics_by_information(gains: Floats, noise: Floats, samples: int) -> int:
     """Return the number of harmonics by the Bayesian information criterion (Schwarz 1978).
 
     Each harmonic costs 2 log(samples) and brings its gain in units of the noise at its frequency.

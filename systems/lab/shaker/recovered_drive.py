@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from math import pi, sqrt
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...drives import VerticalDrive
 from ...harmonics import HarmonicDrive
-
-Array = NDArray[np.float64]
+from ..arrays import Floats
 
 _SHOWN = 4  # harmonics in the text of a drive
 _PHASES = 4096  # of a period, at which the extremes of the acceleration are looked for
@@ -55,17 +54,17 @@ class RecoveredDrive:
 
     frequency: float
     frequency_error: float
-    amplitudes: Array
-    amplitude_errors: Array
-    phases: Array
-    phase_errors: Array
-    covariance: Array
+    amplitudes: Floats
+    amplitude_errors: Floats
+    phases: Floats
+    phase_errors: Floats
+    covariance: Floats
     mean: float
     mean_error: float
     drift: float
     drift_error: float
     noise: float
-    noise_factors: Array
+    noise_factors: Floats
     autocorrelation: float
     middle: float
     span: float
@@ -108,18 +107,18 @@ class RecoveredDrive:
         slope = np.concatenate([[2.0 * np.ptp(values) / self.frequency], by_amplitude, by_phase])
         return sqrt(float(slope @ self.covariance @ slope))
 
-    def acceleration(self, times: ArrayLike) -> Array:
+    def acceleration(self, times: ArrayLike) -> Floats:
         """Return the upward acceleration of the pivot (m/s^2) at times (s), without the offset of the sensor."""
         order = np.arange(1, len(self.amplitudes) + 1)
         rates = order * 2.0 * pi * self.frequency
         angles = np.asarray(times, dtype=float)[..., None] * rates + self.phases
         return -(np.cos(angles) @ (self.amplitudes * rates**2))
 
-    def reading(self, times: ArrayLike) -> Array:
+    def reading(self, times: ArrayLike) -> Floats:
         """Return what the sensor would read at times (s) without noise: acceleration, offset and drift (m/s^2)."""
         return self.acceleration(times) + self.mean + self.drift * (np.asarray(times, dtype=float) - self.middle)
 
-    def _extremes(self) -> tuple[Array, Array]:
+    def _extremes(self) -> tuple[Floats, Floats]:
         """Return the phases of the lowest and the highest acceleration (rad), and the two values."""
         turned = 2.0 * pi * np.arange(_PHASES) / _PHASES
         values = self.acceleration(turned / (2.0 * pi * self.frequency))

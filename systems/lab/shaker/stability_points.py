@@ -8,14 +8,13 @@ from math import sqrt
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import stats
 
 from cellmap.utils import as_target, monotone_values, written_whole
 
+from ..arrays import Floats
 from .voltage_conversion import STANDARD_GRAVITY, VOLTS_PER_G, displacement_amplitude, displacement_error
-
-Array = NDArray[np.float64]
 
 HEADING = ("frequency_hz", "amplitude_mm", "amplitude_error_mm")
 
@@ -46,9 +45,9 @@ class StabilityPoints:
     StabilityPoints(3.1 cm: 2 points, 15 to 35 Hz)
     """
 
-    frequencies: Array
-    amplitudes: Array
-    amplitude_errors: Array | None = None
+    frequencies: Floats
+    amplitudes: Floats
+    amplitude_errors: Floats | None = None
     rod: str = ""
 
     def __post_init__(self) -> None:
@@ -77,7 +76,7 @@ class StabilityPoints:
         )
 
     @property
-    def table(self) -> Array:
+    def table(self) -> Floats:
         """Rows of frequency (Hz), amplitude (m) and, if known, its error (m): what a stability map draws."""
         columns = [self.frequencies, self.amplitudes]
         return np.stack(columns if self.amplitude_errors is None else [*columns, self.amplitude_errors], axis=-1)
@@ -221,9 +220,9 @@ class BoundaryComparison:
         many degrees of freedom as points compared.
     """
 
-    expected: Array
-    residuals: Array
-    ratios: Array
+    expected: Floats
+    residuals: Floats
+    ratios: Floats
     compared: int
     rms: float
     chi_square: float

@@ -15,9 +15,11 @@ from math import pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cellmap.utils import finite_number
+
+from ..arrays import Floats
 
 VOLTS_PER_G = 0.1
 """Calibration of the report's accelerometer (V per g)."""
@@ -223,20 +225,20 @@ def _acceleration_per_volt(volts_per_g: float, standard_gravity: float) -> float
     return finite_number("standard_gravity", standard_gravity, above=0.0) / scale
 
 
-def _readings(volts: ArrayLike, frequency: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _readings(volts: ArrayLike, frequency: ArrayLike) -> tuple[Floats, Floats]:
     pair = _bounded("peak_to_peak_volts", volts, zero=True), _bounded("frequency", frequency)
     _fit_together(peak_to_peak_volts=pair[0], frequency=pair[1])
     return pair
 
 
-def _numbers(name: str, given: ArrayLike) -> NDArray[np.float64]:
+def _numbers(name: str, given: ArrayLike) -> Floats:
     try:
         return np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
         raise TypeError(f"{name}={given!r}: give real numbers") from None
 
 
-def _bounded(name: str, given: ArrayLike, zero: bool = False) -> NDArray[np.float64]:
+def _bounded(name: str, given: ArrayLike, zero: bool = False) -> Floats:
     """Return finite numbers above 0, or also 0."""
     values = _numbers(name, given)
     fine = np.isfinite(values) & ((values >= 0.0) if zero else (values > 0.0))
@@ -246,7 +248,7 @@ def _bounded(name: str, given: ArrayLike, zero: bool = False) -> NDArray[np.floa
     return values
 
 
-def _fit_together(**arrays: NDArray[np.float64]) -> None:
+def _fit_together(**arrays: Floats) -> None:
     try:
         np.broadcast_shapes(*(a.shape for a in arrays.values()))
     except ValueError:
@@ -256,6 +258,6 @@ def _fit_together(**arrays: NDArray[np.float64]) -> None:
         ) from None
 
 
-def _plain(values: NDArray[np.float64]) -> Any:
+def _plain(values: Floats) -> Any:
     """Return a number for numbers, an array for arrays."""
     return float(values) if np.ndim(values) == 0 else values
