@@ -25,10 +25,8 @@ from .free_swings.decay_models import compare_decays as compare_decays
 from .free_swings.motion_fit import MotionFit as MotionFit
 from .free_swings.motion_fit import fit_motion as fit_motion
 from .free_swings.natural_frequency import Estimate as Estimate
-from .free_swings.natural_frequency import SineFit as SineFit
 from .free_swings.natural_frequency import effective_length as effective_length
 from .free_swings.natural_frequency import natural_frequency as natural_frequency
-from .free_swings.natural_frequency import sine_fit as sine_fit
 from .free_swings.quadratic_fit import QuadraticDecay as QuadraticDecay
 from .free_swings.quadratic_fit import quadratic_decay as quadratic_decay
 from .free_swings.swing_extremes import Envelope as Envelope
