@@ -122,19 +122,18 @@ def recover_drive(
         )
     if limits is None and not bad.any():
         bad = crowded(readings)
-    fit, around, ordinates = find_drive(whole, frequency, harmonics)
-    dead = dead_times(whole, frequency, harmonics, fit.rate)
+    found = find_drive(whole, frequency, harmonics)
+    dead = dead_times(whole, frequency, harmonics, found[0].rate)
     if dead.any():
         whole, bad = without(whole, dead), bad[~dead]
-        fit, around, ordinates = find_drive(whole, frequency, harmonics)
-    for _ in range(3 if bad.any() else 0):
+        found = find_drive(whole, frequency, harmonics)
+    for again in range(4 if bad.any() else 0):
         # Cut off, a wave keeps its frequency; of the rest alone the gaps would make lines.
-        fit, around, ordinates = find_drive(without(whole, bad), frequency, harmonics, fit.rate / (2.0 * pi))
-        if limits is not None:
+        found = find_drive(without(whole, bad), frequency, harmonics, found[0].rate / (2.0 * pi))
+        if limits is not None or again == 3 or not bad.any():
             break
-        bad = beyond_limits(whole, fit, bad)
-    if bad.any() and limits is None:
-        fit, around, ordinates = find_drive(without(whole, bad), frequency, harmonics, fit.rate / (2.0 * pi))
+        bad = beyond_limits(whole, found[0], bad)
+    fit, around, ordinates = found
     if noise == "white":
         factors, degrees = np.ones_like(around), max(1, len(fit.residuals) - len(fit.gram))
     else:
@@ -184,27 +183,23 @@ def _described(
     trends, half, rate = record.trends, 0.5 * record.span, fit.rate
     count = len(fit.gains)
     order = np.arange(1, count + 1)
-    cosines, sines = fit.coefficients[trends::2] * scale, fit.coefficients[trends + 1 :: 2] * scale
-    lengths = np.hypot(cosines, sines)
-    weights = (order * lengths) ** 2
+    terms = trends + 2 * np.arange(count)
+    waves = scale * (fit.coefficients[terms] - 1j * fit.coefficients[terms + 1])
+    weights = (order * np.abs(waves)) ** 2
     # What a harmonic tells about the frequency suffers from the noise at that harmonic.
     fractions = np.concatenate(
         [np.full(trends, factors[0]), np.repeat(factors[1:], 2), [weights @ factors[1:] / weights.sum()]]
     )
-    inverse = np.linalg.inv(fit.gram)
-    root = np.sqrt(fractions)
+    inverse, root = np.linalg.inv(fit.gram), np.sqrt(fractions)
     covariance = fit.variance * inverse @ (fit.gram * np.outer(root, root)) @ inverse
-
-    heights = lengths / (order * rate) ** 2
-    turned = np.arctan2(sines, -cosines) - order * rate * middle
-    slopes = np.zeros((1 + 2 * count, len(covariance)))
-    slopes[0, -1] = 1.0 / (half * 2.0 * pi)
-    for k in range(count):
-        a, b = trends + 2 * k, trends + 2 * k + 1
-        slopes[1 + k, [a, b]] = np.array([cosines[k], sines[k]]) / lengths[k] * scale / (order[k] * rate) ** 2
-        slopes[1 + k, -1] = -2.0 * heights[k] / (rate * half)
-        slopes[1 + count + k, [a, b]] = np.array([sines[k], -cosines[k]]) / lengths[k] ** 2 * scale
-        slopes[1 + count + k, -1] = -order[k] * middle / half
+    heights = np.abs(waves) / (order * rate) ** 2
+    phases = np.angle(-waves) - order * rate * middle
+    # Real parts of a relative change are those of the amplitude, imaginary parts change the phase.
+    changes = np.zeros((count, len(covariance)), complex)
+    changes[order - 1, terms], changes[order - 1, terms + 1] = scale / waves, -1j * scale / waves
+    changes[:, -1] = -2.0 / (rate * half) - 1j * order * middle / half
+    first = np.eye(len(covariance))[-1:] / (half * 2.0 * pi)
+    slopes = np.concatenate([first, heights[:, None] * changes.real, changes.imag])
     told = slopes @ covariance @ slopes.T
     errors = np.sqrt(told.diagonal())
     return RecoveredDrive(
@@ -212,7 +207,7 @@ def _described(
         frequency_error=float(errors[0]),
         amplitudes=heights,
         amplitude_errors=errors[1 : 1 + count],
-        phases=-np.remainder(-turned + pi, 2.0 * pi) + pi,
+        phases=-np.remainder(-phases + pi, 2.0 * pi) + pi,
         phase_errors=errors[1 + count :],
         covariance=told,
         mean=shift + scale * float(fit.coefficients[0]),

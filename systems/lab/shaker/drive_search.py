@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import log, sqrt
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from ..arrays import Bools, Floats
@@ -44,18 +44,15 @@ _FAR = 4.0  # and if the fit of the others passes them, on average, at so many s
 _WORK = 2e9  # products of columns that one fit may take
 
 
-@dataclass(frozen=True, eq=False)
-class Choice:
+class Choice(NamedTuple):
     """A frequency with a number of harmonics: the fit, the noise at each harmonic, and how well it does.
 
     Parameters
     ----------
     fit : Fit
         Least-squares fit.
-    harmonics : int
-        Number K of harmonics to keep.
     noise : ndarray, shape (K + 1,)
-        Variance of the noise as it is at the frequency 0 and at each harmonic.
+        Variance of the noise as it is at the frequency 0 and at each of the K harmonics to keep.
     spectrum : Spectrum
         Periodogram of what more harmonics leave over.
     ordinates : int
@@ -65,14 +62,15 @@ class Choice:
     """
 
     fit: Fit
-    harmonics: int
     noise: Floats
     spectrum: Spectrum
     ordinates: int
     chance: float
 
-    def __repr__(self) -> str:
-        return f"Choice({self.harmonics} harmonics of {self.fit!r}, chance {self.chance:.2g})"
+    @property
+    def harmonics(self) -> int:
+        """Number K of harmonics."""
+        return len(self.noise) - 1
 
 
 def find_drive(
@@ -104,13 +102,10 @@ def find_drive(
                 return refined(record, choice.fit.rate, choice.harmonics), choice.noise, choice.ordinates
         except np.linalg.LinAlgError:
             continue
-    slow = 0.3 / record.span < _highest(spectrum, 0.0, record.nyquist) < least
     told = f" (the strongest, at {strongest:.4g} Hz, has a chance of {chance:.2g})" if chance < 1.0 else ""
-    hint = (
-        "most of the motion is slower than two periods in the record: take a longer one, or filter the drift"
-        if slow
-        else f"is the shaker on, and its frequency below the limit of Nyquist, {record.nyquist:.4g} Hz?"
-    )
+    hint = f"is the shaker on, and its frequency below the limit of Nyquist, {record.nyquist:.4g} Hz?"
+    if 0.3 / record.span < _highest(spectrum, 0.0, record.nyquist) < least:
+        hint = "most of the motion is slower than two periods in the record: take a longer one, or filter the drift"
     near = "" if frequency is None else f" near {frequency:g} Hz"
     raise ValueError(
         f"no drive found: among {len(record.times)} samples over {record.span:.4g} s no line{near} stands out of the "
@@ -138,17 +133,11 @@ def _begins(record: Record, spectrum: Spectrum, frequency: float | None) -> Iter
 
 
 def _highest(spectrum: Spectrum, lower: float, upper: float) -> float:
-    """Return where the periodogram is highest, between the places by a parabola."""
+    """Return where the periodogram is highest."""
     first = max(1, int(np.ceil(lower / spectrum.step)))
     last = min(len(spectrum.power) - 1, int(upper / spectrum.step))
-    if last <= first:
-        return 0.5 * (lower + upper)
-    top = first + int(np.argmax(spectrum.power[first : last + 1]))
-    if not first < top < last:
-        return top * spectrum.step
-    before, here, after = spectrum.power[top - 1 : top + 2]
-    bend = before - 2.0 * here + after
-    return (top + (0.5 * (before - after) / bend if bend < 0.0 else 0.0)) * spectrum.step
+    top = first + int(np.argmax(spectrum.power[first : last + 1])) if last > first else 0
+    return top * spectrum.step or 0.5 * (lower + upper)
 
 
 def _whitened(record: Record, spectrum: Spectrum) -> Spectrum:
@@ -177,11 +166,10 @@ def chosen(record: Record, rate: float, harmonics: int | None) -> Choice:
             most = max(1, most // 2)
     spectrum = periodogram(record, fit.residuals)
     noise, count = noise_about(record, fit, spectrum, most)
-    gains = fit.gains / noise[1:]
     kept = harmonics or harmonics_by_information(fit.gains, noise[1:], len(record.times))
-    single = float(stats.f.sf(0.5 * gains[:kept].max(), 2, 2 * count))
+    single = float(stats.f.sf(0.5 * (fit.gains / noise[1:])[:kept].max(), 2, 2 * count))
     chance = min(1.0, single * kept * max(1.0, 0.5 * len(record.times)))
-    return Choice(fit, kept, noise[: kept + 1], spectrum, count, chance)
+    return Choice(fit, noise[: kept + 1], spectrum, count, chance)
 
 
 def _fundamental(record: Record, choice: Choice, harmonics: int | None) -> Choice:
@@ -220,7 +208,9 @@ def crowded(readings: Floats) -> Bools:
 
     Where hardly any are left besides, the wave is square, and there are none.
     """
-    bands, width = [], _BAND * _roughness(readings)
+    # Fourth differences hold nothing of a smooth wave; their weights have 70 as the sum of squares.
+    width = _BAND * 1.4826 * float(np.median(np.abs(np.diff(readings, 4)))) / sqrt(70.0)
+    bands = []
     for extreme in (readings.min(), readings.max()):
         below = np.abs(readings - extreme)
         near, next_to = below <= width, (below > width) & (below <= 2.0 * width)
@@ -232,40 +222,29 @@ def crowded(readings: Floats) -> Bools:
 
 def _plateaus(readings: Floats, bands: list[Bools]) -> Bools:
     """Return the samples of the bands in which some follow each other."""
-    bad = np.zeros(len(readings), bool)
-    for band in bands:
-        if (np.convolve(band, np.ones(_RUN), "valid") == _RUN).any():
-            bad |= band
-    return bad
-
-
-def _roughness(readings: Floats) -> float:
-    """Return the standard deviation of independent noise on a smooth wave, by fourth differences."""
-    return 1.4826 * float(np.median(np.abs(np.diff(readings, 4)))) / sqrt(70.0)
+    kept = [band for band in bands if (np.convolve(band, np.ones(_RUN), "valid") == _RUN).any()]
+    return np.any([np.zeros(len(readings), bool), *kept], axis=0)
 
 
 def dead_times(record: Record, frequency: float | None, harmonics: int | None, rate: float) -> Bools:
     """Tell which samples a sensor repeated while it was dead: runs of equal ones that the fit of the others misses."""
-    none = np.zeros(len(record.values), bool)
-    edges = np.flatnonzero(np.diff(record.values) != 0.0) + 1
-    equal = [run for run in np.split(np.arange(len(none)), edges) if len(run) >= _STUCK]
-    groups: list[list[NDArray[np.intp]]] = [[], [], []]  # saturation, at the extremes, apart from what is between
-    for run in equal:
-        value = record.values[run[0]]
-        groups[0 if value == record.values.min() else 2 if value == record.values.max() else 1].append(run)
-    runs = [run for group in groups if len(group) < _RARE * rate * record.span / (2.0 * np.pi) for run in group]
+    values, dead = record.values, np.zeros(len(record.values), bool)
+    edges = np.flatnonzero(np.diff(values, prepend=np.nan, append=np.nan) != 0.0)
+    long = [slice(*edges[k : k + 2]) for k in np.flatnonzero(np.diff(edges) >= _STUCK)]
+    # Saturation, at the extremes, apart from what is between.
+    sides = [int(values[run.start] == values.max()) - int(values[run.start] == values.min()) for run in long]
+    most = _RARE * rate * record.span / (2.0 * np.pi)
+    runs = [run for run, side in zip(long, sides, strict=True) if sides.count(side) < most]
     if not runs:
-        return none
-    still = none.copy()
-    still[np.concatenate(runs)] = True
-    others = without(record, still)
-    fit = find_drive(others, frequency, harmonics)[0]
-    missed = np.abs(model(record, fit.rate, fit.coefficients) - record.values)
+        return dead
+    for run in runs:
+        dead[run] = True
+    fit = find_drive(without(record, dead), frequency, harmonics)[0]
+    missed = np.abs(model(record, fit.rate, fit.coefficients) - values)
     far = _FAR * sqrt(fit.variance) + record.resolution
-    dead = [run for run in runs if missed[run].mean() > far]
-    for run in dead:
-        none[run] = True
-    return none
+    for run in runs:
+        dead[run] = missed[run].mean() > far
+    return dead
 
 
 def without(record: Record, bad: Bools) -> Record:

@@ -10,10 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import exp, log, pi
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import fft, linalg
+from scipy import fft, linalg, signal
 
 from ..arrays import Floats
 
@@ -44,9 +45,6 @@ class Record:
     values: Floats
     drift: bool
     resolution: float = 0.0
-
-    def __repr__(self) -> str:
-        return f"Record({len(self.times)} samples over {self.span:g} s)"
 
     @property
     def span(self) -> float:
@@ -90,6 +88,8 @@ class Fit:
         Sums of products of the terms, the last one of which is that of w times half of the record (rad).
     gains : ndarray, shape (K,)
         By how much each harmonic, added after those before it, lowers the sum of squares.
+    step : float
+        Step of Gauss and Newton for the rate times half of the record.
     """
 
     rate: float
@@ -97,9 +97,7 @@ class Fit:
     residuals: Floats
     gram: Floats
     gains: Floats
-
-    def __repr__(self) -> str:
-        return f"Fit({self.rate / (2.0 * pi):g} Hz, {len(self.gains)} harmonics)"
+    step: float
 
     @property
     def variance(self) -> float:
@@ -107,30 +105,20 @@ class Fit:
         return float(self.residuals @ self.residuals) / max(len(self.residuals) - len(self.gram), 1)
 
 
-def solved(record: Record, rate: float, harmonics: int) -> Fit:
-    """Fit the linear part at a given rate."""
-    return _fit(record, rate, harmonics)[0]
-
-
 def refined(record: Record, rate: float, harmonics: int) -> Fit:
     """Fit the frequency as well, from a guess whose phase errs by at most a quarter of a period over the record."""
     half, began, last = 0.5 * record.span, rate, np.inf
     for _ in range(_ROUNDS):
-        fit, step = _fit(record, rate, harmonics)
-        change = float(np.clip(step, -0.5, 0.5)) / half
+        fit = solved(record, rate, harmonics)
+        change, size = float(np.clip(fit.step, -0.5, 0.5)) / half, abs(fit.step)
         if abs(rate + change - began) > 2.0 * pi / half:
             break
         rounded = max(1e-12, 4e-15 * rate * half)
-        if abs(step) <= max(rounded, 1e-6 * _rate_error(fit)) or 0.5 * last < abs(step) < 1e6 * rounded:
+        error = np.sqrt(max(fit.variance * np.linalg.inv(fit.gram)[-1, -1], 0.0))
+        if size <= max(rounded, 1e-6 * error) or 0.5 * last < size < 1e6 * rounded:
             return fit
-        last = abs(step)
-        rate += change
+        last, rate = size, rate + change
     raise np.linalg.LinAlgError("the frequency does not settle")
-
-
-def _rate_error(fit: Fit) -> float:
-    inverse = np.linalg.inv(fit.gram)
-    return float(np.sqrt(max(fit.variance * inverse[-1, -1], 0.0)))
 
 
 def model(record: Record, rate: float, coefficients: Floats) -> Floats:
@@ -157,45 +145,37 @@ def _rows(record: Record, rate: float, harmonics: int) -> Iterator[tuple[slice, 
         yield part, rows
 
 
-def _fit(record: Record, rate: float, harmonics: int) -> tuple[Fit, float]:
-    """Solve the linear part, and return the step of Gauss and Newton for the rate times half of the record."""
+def solved(record: Record, rate: float, harmonics: int) -> Fit:
+    """Fit the linear part at a given rate."""
     size, first = record.trends + 2 * harmonics, record.trends
-    gram, sums = np.zeros((size + 1, size + 1)), np.zeros(size)
+    gram, sums = np.zeros((size, size)), np.zeros(size)
     for part, rows in _rows(record, rate, harmonics):
-        gram[:size, :size] += rows @ rows.T
+        gram += rows @ rows.T
         sums += rows @ record.values[part]
-    scale = np.sqrt(np.maximum(gram.diagonal()[:size], 1e-300))
-    triangle = linalg.cholesky(gram[:size, :size] / np.outer(scale, scale), lower=True)
+    scale = np.sqrt(np.maximum(gram.diagonal(), 1e-300))
+    triangle = linalg.cholesky(gram / np.outer(scale, scale), lower=True)
     if triangle.diagonal().min() < _ALIKE:
         raise np.linalg.LinAlgError("terms are alike")
     parts = linalg.solve_triangular(triangle, sums / scale, lower=True)
     coefficients = linalg.solve_triangular(triangle, parts, lower=True, trans="T") / scale
-    order, half = np.arange(1, harmonics + 1), 0.5 * record.span
-    turned = np.zeros(size)
+    turned, order = np.zeros(size), np.arange(1, harmonics + 1)
     turned[first::2], turned[first + 1 :: 2] = order * coefficients[first + 1 :: 2], -order * coefficients[first::2]
-    residuals, along, square = np.empty_like(record.values), np.zeros(size + 1), 0.0
+    residuals, (last, along) = np.empty_like(record.values), np.zeros((2, size + 1))
     for part, rows in _rows(record, rate, harmonics):
         residuals[part] = record.values[part] - coefficients @ rows
-        slope = (record.times[part] / half) * (turned @ rows)
-        gram[:size, size] += rows @ slope
-        square += float(slope @ slope)
-        along[:size] += rows @ residuals[part]
-        along[size] += float(slope @ residuals[part])
-    gram[size, :size], gram[size, size] = gram[:size, size], square
-    step = linalg.lstsq(gram, along)[0][-1] if harmonics else 0.0
-    gains = (parts[first:] ** 2).reshape(-1, 2).sum(axis=1)
-    return Fit(rate, coefficients, residuals, gram, gains), float(step)
+        slope = record.times[part] / (0.5 * record.span) * (turned @ rows)
+        last += [*rows @ slope, slope @ slope]
+        along += [*rows @ residuals[part], slope @ residuals[part]]
+    gram = np.block([[gram, last[:-1, None]], [last]])
+    step = float(linalg.lstsq(gram, along)[0][-1]) if harmonics else 0.0
+    return Fit(rate, coefficients, residuals, gram, (parts[first:] ** 2).reshape(-1, 2).sum(axis=1), step)
 
 
-@dataclass(frozen=True, eq=False)
-class Spectrum:
+class Spectrum(NamedTuple):
     """Periodogram: for white noise each `power` is the variance on average; at multiples of `step` (Hz)."""
 
     step: float
     power: Floats
-
-    def __repr__(self) -> str:
-        return f"Spectrum({len(self.power)} places, {self.step:g} Hz apart)"
 
     def at(self, frequencies: ArrayLike) -> Floats:
         """Return the power at the nearest places."""
@@ -210,32 +190,25 @@ def periodogram(record: Record, values: Floats) -> Spectrum:
     frequencies is corrected for.
     """
     places = (record.times - record.times[0]) / record.spacing
-    index = np.rint(places)
-    index_end = max(index[-1], 1.0)
-    even = bool(np.abs(places * (index_end / places[-1]) - index).max() < 0.02)
-    count, spacing = int(index_end) + 1, (record.times[-1] - record.times[0]) / index_end
-    if not even:
-        count, spacing = 2 * count, 0.5 * spacing
+    nodes = np.rint(places)
+    last = max(nodes[-1], 1.0)
+    even = bool(np.abs(places * (last / places[-1]) - nodes).max() < 0.02)
+    fine = 1 if even else 2
+    places, count = (nodes if even else places * (fine * last / places[-1])), fine * int(last) + 2
     pad = 8 if count <= 2**17 else 2
     if count * pad > _LARGEST_GRID:
         raise ValueError(
             f"times: {len(record.times)} samples on a grid of {count} places are too few: take a part without long gaps"
         )
+    below = places.astype(int)
+    row = np.bincount(below, values * (1.0 + below - places), count)
+    row += np.bincount(below + 1, values * (places - below), count)
+    rate = fine * last / (record.times[-1] - record.times[0])
     length = fft.next_fast_len(count * pad, real=True)
-    if even:
-        row = np.bincount(index.astype(int), weights=values, minlength=count)
-    else:
-        places = (record.times - record.times[0]) / spacing
-        below = places.astype(int)
-        fraction = places - below
-        row = np.bincount(below, weights=values * (1.0 - fraction), minlength=count + 1)
-        row += np.bincount(below + 1, weights=values * fraction, minlength=count + 1)[: len(row)]
-    power = np.abs(fft.rfft(row, length)) ** 2 / len(values)
-    step = 1.0 / (length * spacing)
-    power = power[: int(record.nyquist / step) + 1]
-    if not even:
-        power /= np.sinc(np.arange(len(power)) * step * spacing) ** 4
-    return Spectrum(step, power)
+    frequencies, density = signal.periodogram(row, rate, nfft=length, detrend=False)
+    shown = frequencies <= record.nyquist
+    power = density[shown] * (0.5 * rate * count / len(values))
+    return Spectrum(rate / length, power if even else power / np.sinc(frequencies[shown] / rate) ** 4)
 
 
 def resolution_of(values: Floats) -> float:
