@@ -58,13 +58,14 @@ env: $(INSTALLED)test
 
 # One after the other, with make -j as well.
 $(INSTALLED)docs: | $(INSTALLED)test
+$(INSTALLED)lab: | $(INSTALLED)video
 env-docs: $(INSTALLED)docs
 
 basins: $(INSTALLED)library
 	$(RUN) -m studies figure_19
 	@echo "The pictures and the HDF5 file are in $(CURDIR)/studies/output/"
 
-figures: $(INSTALLED)video
+figures: $(INSTALLED)video $(INSTALLED)lab
 	$(RUN) -m studies
 	@echo "Everything is in $(CURDIR)/studies/output/"
 

@@ -36,7 +36,24 @@ loaded = {m for m in sys.modules if m.startswith("systems.")}
 assert loaded == {"systems.lab"}, loaded
 from systems import scene, Pendulum, Gravity
 scene(Pendulum(1.0), Gravity(9.8), period=1.0).derivative(0.0, (0.1, 0.0))
-assert not {"scipy", "numba", "h5py", "matplotlib", "systems.averaging", "systems.wells"} & set(sys.modules)
+assert not {"scipy", "numba", "h5py", "matplotlib", "skimage", "systems.averaging", "systems.wells"} & set(sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_without_scikit_image_tracking_names_the_extra_and_the_rest_works() -> None:
+    code = """
+import sys
+sys.modules["skimage"] = None
+import systems.lab
+from systems.lab import Tracks, film_at_rate, fit_damping, recover_drive
+try:
+    systems.lab.track_markers
+except ModuleNotFoundError as error:
+    assert "scikit-image: pip install 'cellmap-dynamics[lab]'" in str(error), error
+else:
+    raise AssertionError("tracking needs it")
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

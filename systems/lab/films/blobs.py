@@ -8,9 +8,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import binary_dilation, find_objects, label
+from scipy.ndimage import binary_dilation
 
 from ..arrays import Floats
+
+try:
+    from skimage.filters import threshold_otsu
+    from skimage.measure import label, regionprops
+except ModuleNotFoundError:
+    raise ModuleNotFoundError("tracking markers needs scikit-image: pip install 'cellmap-dynamics[lab]'") from None
+
 from .illumination import slope_inside, surroundings
 from .pixel_noise import PixelNoise
 
@@ -94,7 +101,8 @@ def otsu_threshold(values: ArrayLike) -> tuple[float, float]:
 
     References
     ----------
-    Otsu, IEEE Transactions on Systems, Man, and Cybernetics 9 (1979) 62.
+    Otsu, IEEE Transactions on Systems, Man, and Cybernetics 9 (1979) 62; by scikit-image (van der Walt et al., PeerJ 2
+    (2014) e453).
 
     Examples
     --------
@@ -112,19 +120,10 @@ def otsu_threshold(values: ArrayLike) -> tuple[float, float]:
         raise ValueError("grey values are not all finite: leave such frames out")
     if low == high:
         raise ValueError(f"all grey values are {low:g}: there is no threshold in a constant image")
-    width = 1.0 if grey.dtype == np.uint8 else (high - low) / 256.0
-    edges = np.arange(257.0) - 0.5 if grey.dtype == np.uint8 else np.linspace(low, high, 257)
-    counts = np.histogram(grey, edges)[0].astype(float)
-    centres = edges[:-1] + 0.5 * width
-    dark = np.cumsum(counts)[:-1]
-    bright = grey.size - dark
-    total, partial = counts @ centres, np.cumsum(counts * centres)[:-1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        between = dark * bright * (partial / dark - (total - partial) / bright) ** 2 / grey.size**2
-    between[(dark == 0) | (bright == 0)] = 0.0
-    best = np.flatnonzero(between >= between.max() * (1.0 - 1e-12))
-    variance = counts @ (centres - total / grey.size) ** 2 / grey.size
-    return 0.5 * (edges[1 + best[0]] + edges[1 + best[-1]]), float(between.max() / variance)
+    bright = grey > threshold_otsu(grey)
+    dark, light, fraction = grey[~bright], grey[bright], float(bright.mean())
+    between = fraction * (1.0 - fraction) * float(light.mean() - dark.mean()) ** 2
+    return 0.5 * (float(dark.max()) + float(light.min())), between / float(grey.var())
 
 
 def find_blobs(
@@ -140,25 +139,20 @@ def find_blobs(
     top, bottom, left, right = box
     patch = frame[top:bottom, left:right]
     bright = patch > threshold
-    labels, count = label(bright, _EIGHT)
-    if not count:
+    if not bright.any():
         return []
-    sizes = np.bincount(labels.ravel(), minlength=count + 1)
-    chosen = [k for k in range(1, count + 1) if areas[0] <= sizes[k] <= areas[1]]
-    if not chosen:
-        return []
+    labels = label(bright, connectivity=2)
     background = float(np.median(patch[::2, ::2]))
-    pieces = find_objects(labels)
-    found = [_measure(frame, box, labels, k, pieces[k - 1], background, noise, weighted) for k in chosen]
+    chosen = [region for region in regionprops(labels) if areas[0] <= region.num_pixels <= areas[1]]
+    found = [_measure(frame, box, labels, region, background, noise, weighted) for region in chosen]
     return [blob for blob in found if blob is not None]
 
 
 def _measure(
     frame: NDArray[Any],
     box: Box,
-    labels: NDArray[np.int32],
-    number: int,
-    piece: tuple[slice, slice],
+    labels: NDArray[Any],
+    region: Any,
     background: float,
     noise: PixelNoise,
     weighted: bool,
@@ -168,12 +162,9 @@ def _measure(
     What a pixel is when covered in full is a plane through the blob, where it is beyond chance that light changes.
     """
     top, bottom, left, right = box
-    (height, width), (rows, columns) = frame.shape, piece
-    first, past = max(rows.start - _RIM, 0), min(rows.stop + _RIM, bottom - top)
-    begin, end = max(columns.start - _RIM, 0), min(columns.stop + _RIM, right - left)
-    values = frame[top + first : top + past, left + begin : left + end].astype(np.float64)
-    near = labels[first:past, begin:end]
-    inside = near == number
+    rows, columns = (slice(max(s.start - _RIM, 0), s.stop + _RIM) for s in region.slice)
+    near, values = labels[rows, columns], frame[top:bottom, left:right][rows, columns].astype(np.float64)
+    inside = near == region.label
     plateau = _plateau(values[inside])
     contrast = plateau - background
     if contrast <= 0.0:
@@ -181,7 +172,7 @@ def _measure(
     levels, tilt = surroundings(values, near, inside, background, contrast, uneven=False)
     others = (near > 0) & ~inside
     apart = binary_dilation(others, _EIGHT, 2) & ~inside if others.any() else others
-    y, x = np.arange(top + first, top + past), np.arange(left + begin, left + end)
+    y, x = top + rows.start + np.arange(len(values)), left + columns.start + np.arange(values.shape[1])
     slope, slope_errors, plane = np.zeros(2), np.zeros(2), np.zeros(values.shape)
     for times in range(1 + _PASSES):
         fraction = (values - levels) / np.maximum(plateau + plane - levels, 0.25 * contrast)
@@ -218,20 +209,11 @@ def _measure(
         row, column = row + float(shift[0]), column + float(shift[1])
     moments = float(down @ (y - row) ** 2), float(across @ (x - column) ** 2), float((y - row) @ weights @ (x - column))
     half, spread = 0.5 * (moments[0] + moments[1]), hypot(0.5 * (moments[0] - moments[1]), moments[2])
-    sides = rows.start == 0, rows.stop == bottom - top, columns.start == 0, columns.stop == right - left
-    ends = top == 0, bottom == height, left == 0, right == width
-    return Blob(
-        column,
-        row,
-        area,
-        errors[1],
-        errors[0],
-        plateau,
-        background,
-        sqrt((half + spread) / max(half - spread, 1e-9 * half)),
-        any(s and e for s, e in zip(sides, ends, strict=True)),
-        any(s and not e for s, e in zip(sides, ends, strict=True)),
-    )
+    stretch = sqrt((half + spread) / max(half - spread, 1e-9 * half))
+    sides = np.array(region.bbox) == (0, 0, *labels.shape)
+    ends = np.array((top, left, bottom, right)) == (0, 0, *frame.shape)
+    clipped, cut = bool((sides & ends).any()), bool((sides & ~ends).any())
+    return Blob(column, row, area, errors[1], errors[0], plateau, background, stretch, clipped, cut)
 
 
 def _plateau(bright: Floats) -> float:

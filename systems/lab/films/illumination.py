@@ -6,6 +6,7 @@ from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, binary_erosion
 
 from ..arrays import Bools, Floats
 from .pixel_noise import PixelNoise
@@ -13,6 +14,7 @@ from .pixel_noise import PixelNoise
 _SECTORS = 24  # directions that are distinguished in the surroundings of a blob
 _LEFT, _RIGHT = np.roll(np.arange(_SECTORS), 1), np.roll(np.arange(_SECTORS), -1)  # directions beside each of them
 _ROD = 0.1  # fraction of the contrast by which something beyond the edge stands out
+_SQUARE, _WIDE_SQUARE = np.ones((3, 3), bool), np.ones((5, 5), bool)
 _FEW = 16  # inner pixels of a blob; with fewer, those that touch its outside at a corner count as well
 _FEWEST = 7  # inner pixels that tell of a slope
 _CHANCE = 12.0  # square of a slope over its standard error, which chance exceeds once in 400 times
@@ -53,25 +55,8 @@ def slope_inside(
 
 def _within(inside: Bools) -> Bools:
     """Return the pixels whose eight neighbours are inside as well; where they are few, the four at their sides."""
-    within = np.zeros_like(inside)
-    across = inside[:, :-2] & inside[:, 1:-1] & inside[:, 2:]
-    within[1:-1, 1:-1] = across[:-2] & across[1:-1] & across[2:]
-    if np.count_nonzero(within) < _FEW:
-        within[1:-1, 1:-1] = inside[:-2, 1:-1] & across[1:-1] & inside[2:, 1:-1]
-    return within
-
-
-def _with_rim(inside: Bools) -> Bools:
-    """Return pixels with all that are up to two rows and columns from one of them."""
-    tall = inside.copy()
-    for k in (1, 2):
-        tall[k:] |= inside[:-k]
-        tall[:-k] |= inside[k:]
-    wide = tall.copy()
-    for k in (1, 2):
-        wide[:, k:] |= tall[:, :-k]
-        wide[:, :-k] |= tall[:, k:]
-    return wide
+    within = binary_erosion(inside, _SQUARE)
+    return within if np.count_nonzero(within) >= _FEW else binary_erosion(inside)
 
 
 def surroundings(
@@ -88,7 +73,7 @@ def surroundings(
     down = np.arange(len(values))[:, None] - rows.mean()
     across = np.arange(values.shape[1]) - columns.mean()
     sectors = ((np.arctan2(down, across) / (2.0 * pi) + 0.5) * _SECTORS).astype(np.intp) % _SECTORS
-    beyond = ~_with_rim(inside) & (near == 0)
+    beyond = ~binary_dilation(inside, _WIDE_SQUARE) & (near == 0)
     which = sectors[beyond]
     count = np.bincount(which, minlength=_SECTORS)
     total = np.bincount(which, values[beyond], _SECTORS)
