@@ -132,7 +132,8 @@ def _source_of(function: Callable[..., Any]) -> str:
                 used = {name: getattr(value, name) for name in names if hasattr(value, name)}
                 what = f"{value.__name__} { ({k: v for k, v in used.items() if isinstance(v, int | float | tuple)}) }"
             elif hasattr(value, "__qualname__"):
-                what = f"{value.__module__}.{value.__qualname__}"
+                fields = [getattr(value, name, "") for name in ("_fields", "_field_defaults")]
+                what = f"{value.__module__}.{value.__qualname__} {fields}"
             said.append(f"{reached.index(one)} {name} {what}")
     files = "\n".join(_digest(file) for file in sorted({one.__code__.co_filename for one in reached} | set(_own())))
     return "\n".join([function.__module__, function.__qualname__, str(CHECKED), *said, files])

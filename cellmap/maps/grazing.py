@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from .._compiled.codegen.filippov import SwitchingTrace
 from .._compiled.codegen.kernel import traced_switching
 from .._compiled.kernels.grazing import DEPTH, EXTENT, RECORDS
-from .._compiled.kernels.switching_period import COUNT, WATCHED
+from .._compiled.kernels.lane import COUNT, WATCHED
 from .._lib.arrays import Floats
 from .._lib.checks import whole_number
 from .._lib.signatures import checked

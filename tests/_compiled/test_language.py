@@ -67,6 +67,7 @@ def test_the_table_of_limits_is_the_compiler_s(tmp_path: Path) -> None:
 
 CASES = {
     "a name that only some runs set": ["if n > 5:", "    late = 1", "return late"],
+    "such a name beside one of two kinds": ["if n > 5:", "    late = 1", "k = n", "k = x", "return late"],
     "a name of a loop after it": ["for late in range(n):", "    pass", "return late"],
     "a name set beside a break": ["while True:", "    if n > 2:", "        break", "    late = 1", "return late"],
     "a name of the module that is set later": ["found = THREE", "THREE = 1", "return found"],

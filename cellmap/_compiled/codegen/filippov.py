@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels.collisions import RESTS, SOLID, STRIKES
+from ..kernels.lane import RESTS, SOLID, STRIKES
 from .branches import BranchingGraph, Switch, initial_functions
 from .continuity import is_continuous
 from .derivative import along
@@ -69,7 +69,7 @@ class SwitchingTrace:
 
     @property
     def kinds(self) -> tuple[int, ...]:
-        """What each switch does: see the kinds in :mod:`cellmap._compiled.kernels.collisions`."""
+        """What each switch does: see the kinds in :mod:`cellmap._compiled.kernels.lane`."""
         kinds = [int(counts) for counts in self.counts]
         for e, impact in enumerate(self.impacts):
             if impact is not None:

@@ -22,7 +22,8 @@ import numpy as np
 
 from ..kernels import switching_period
 from ..kernels.blocks import LANES
-from ..kernels.collisions import CLOSE, COUNTS, SOLID, STRIKES
+from ..kernels.collisions import CLOSE
+from ..kernels.lane import COUNTS, SOLID, STRIKES
 from ..machine_code import MachineCode, machine_code, vector_width
 from .defects import elsewhere, hides, is_affine
 from .emit import assignment, input_name

@@ -23,13 +23,13 @@ def call_begin(address, lanes, series, p, start):
 
 
 @by_address
-def call_surfaces(address, t, state, p, signs, values, rates, gains, jumps, normals):
+def call_surfaces(address, t, state, p, signs, surfaces):
     """Evaluate all that decides about modes: ``surfaces(t, state, p, signs, values, rates, gains, jumps, normals)``."""
 
 
 @by_address
-def call_impacts(address, t, state, deviation, p, signs, landed, turned, stuck, held):
-    """Evaluate states and deviations after impacts, all surfaces one behind the other in each of the four arrays."""
+def call_impacts(address, t, state, deviation, p, signs, jumps):
+    """Evaluate states and deviations after impacts: ``impacts(t, x, v, p, signs, landed, turned, stuck, held)``."""
 
 
 @by_address

@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..loops import inlined
-from .calls import call_impacts, call_surfaces
-
-SIGN, COUNTS, STRIKES, RESTS, SOLID = range(5)
-"""What a switch does: it has a sign, or a whole number; or there are impacts at it, after which a state may rest, and
-behind which none may begin."""
+from .calls import call_impacts
+from .lane import COUNTS, RESTS, SOLID, STRIKES, look
 
 CLOSE = 1e-12
 """Value of a guard below which a state is on the surface."""
@@ -25,19 +22,21 @@ def rests_on(rate, acceleration):
 
 
 @inlined
-def begin_rest(e, impacts, t, state, p, bound, signs, slides, fresh, landed, turned, stuck, held, dimension):
+def begin_rest(e, system, t, lane, jumps):
     """Let a lane rest on a surface, with the deviations of its neighbours, which come to rest as well.
 
     Switches whose surfaces hold wherever it rests are on the side that it will leave to.
     """
+    state, signs, slides, fresh, bound = lane.state, lane.signs, lane.slides, lane.fresh, system.bound
+    dimension = system.dimension
     own = e * dimension
     for first in range(dimension, state.size, dimension):
-        call_impacts(impacts, t, state, state[first:], p, signs, landed, turned, stuck, held)
+        call_impacts(system.impacts, t, state, state[first:], system.p, signs, jumps)
         for j in range(dimension):
-            state[first + j] = held[own + j]
-    call_impacts(impacts, t, state, state, p, signs, landed, turned, stuck, held)
+            state[first + j] = jumps.held[own + j]
+    call_impacts(system.impacts, t, state, state, system.p, signs, jumps)
     for j in range(dimension):
-        state[j] = stuck[own + j]
+        state[j] = jumps.stuck[own + j]
     signs[e], slides[e], fresh[e] = 0.0, 1.0, 0.0
     for k in range(signs.size):
         if bound[e * signs.size + k] != 0:
@@ -45,11 +44,12 @@ def begin_rest(e, impacts, t, state, p, bound, signs, slides, fresh, landed, tur
 
 
 @inlined
-def turn_sides(e, bound, kinds, values, signs, slides, leaving):
+def turn_sides(e, system, lane, surfaces, leaving):
     """Put switches on the sides where a jump of the state has left them; return how many there were.
 
     With `leaving`, switches on surfaces that hold wherever the lane rests are on the side to which it leaves.
     """
+    kinds, bound, values, signs, slides = system.kinds, system.bound, surfaces.values, lane.signs, lane.slides
     changed, count = 0, signs.size
     for k in range(count):
         side = 1.0 if values[k] > 0.0 else -1.0
@@ -73,16 +73,14 @@ def turn_sides(e, bound, kinds, values, signs, slides, leaving):
 
 
 @inlined
-def begin_at_impacts(
-    impacts, surfaces, t, state, p, kinds, bound, signs, slides, fresh, values, rates, gains, jumps, normals, landed,
-    turned, stuck, held
-):  # fmt: skip
+def begin_at_impacts(system, t, lane, surfaces, jumps):
     """Choose the mode of a lane that begins on the surface of an impact: an impact at once, a flight, or a rest.
 
     A state behind a solid surface is put on it.
     """
+    kinds, values, normals, state = system.kinds, surfaces.values, surfaces.normals, lane.state
     dimension, moved = normals.shape[1], 0
-    for e in range(signs.size):
+    for e in range(lane.signs.size):
         if kinds[e] == SOLID and values[e] < 0.0:
             square = 0.0
             for j in range(dimension):
@@ -95,66 +93,70 @@ def begin_at_impacts(
                     state[first + j] -= normals[e, j] * depth / square
             moved += 1
     if moved > 0:
-        call_surfaces(surfaces, t, state, p, signs, values, rates, gains, jumps, normals)
-    for e in range(signs.size):
+        look(system, t, lane, surfaces)
+    for e in range(lane.signs.size):
         if kinds[e] >= STRIKES and abs(values[e]) <= CLOSE:
-            if turn_sides(e, bound, kinds, values, signs, slides, True) > 0:
-                call_surfaces(surfaces, t, state, p, signs, values, rates, gains, jumps, normals)
-            if kinds[e] >= RESTS and rests_on(rates[e], gains[e, e]):
-                begin_rest(
-                    e, impacts, t, state, p, bound, signs, slides, fresh, landed, turned, stuck, held, dimension
-                )  # fmt: skip
+            if turn_sides(e, system, lane, surfaces, True) > 0:
+                look(system, t, lane, surfaces)
+            if kinds[e] >= RESTS and rests_on(surfaces.rates[e], surfaces.gains[e, e]):
+                begin_rest(e, system, t, lane, jumps)
             else:
-                signs[e], slides[e], fresh[e] = 1.0, 0.0, 1.0
+                lane.signs[e], lane.slides[e], lane.fresh[e] = 1.0, 0.0, 1.0
 
 
 @inlined
-def collide(
-    impacts, surfaces, t, last, end, state, p, kinds, bound, hits, signs, slides, fresh, errors, values, rates, gains,
-    jumps, normals, landed, turned, stuck, held
-):  # fmt: skip
+def _jump(e, system, t, lane, jumps):
+    """Let the state of a lane jump, with its errors and the deviations of its neighbours."""
+    state, dimension = lane.state, system.dimension
+    own = e * dimension
+    call_impacts(system.impacts, t, state, lane.errors, system.p, lane.signs, jumps)
+    for j in range(dimension):
+        lane.errors[j] = abs(jumps.turned[own + j])
+    for first in range(dimension, state.size, dimension):
+        call_impacts(system.impacts, t, state, state[first:], system.p, lane.signs, jumps)
+        for j in range(dimension):
+            state[first + j] = jumps.turned[own + j]
+    for j in range(dimension):
+        state[j] = jumps.landed[own + j]
+
+
+@inlined
+def collide(system, t, lane, surfaces, event, jumps, span):
     """Carry out the impacts of an event and clear their hits; return the time that it is then.
 
-    What happens after the time `last`, all but at the end, is left to the next period.
+    What happens after the last time of a span, all but at its end, is left to the next period.
     """
-    count, dimension = normals.shape
-    struck = 0
+    kinds, values, rates, hits = system.kinds, surfaces.values, surfaces.rates, event.hits
+    signs, slides, fresh = lane.signs, lane.slides, lane.fresh
+    count, struck = signs.size, 0
     for e in range(count):
         if kinds[e] < STRIKES or hits[e] == 0.0 or signs[e] < 0.0:
             continue
         hits[e] = 0.0
         if slides[e] > 0.0:
             signs[e], slides[e] = 1.0, 0.0
-            fresh[e] = 2.0 if gains[e, e] > _FALLS else 3.0
+            fresh[e] = 2.0 if surfaces.gains[e, e] > _FALLS else 3.0
             for k in range(count):
-                if bound[e * count + k] != 0:
+                if system.bound[e * count + k] != 0:
                     fresh[k] = fresh[e] - 1.0
             continue
         if struck > 0 and rates[e] > 0.0:
             fresh[e] = 1.0  # what has happened at another surface takes the state away from this one
             continue
-        if (t - values[e] / rates[e] if rates[e] < 0.0 else t) >= last:
-            t = end
+        if (t - values[e] / rates[e] if rates[e] < 0.0 else t) >= span.last:
+            t = span.end
             continue
         struck += 1
-        own, before = e * dimension, values[e]
-        call_impacts(impacts, t, state, errors, p, signs, landed, turned, stuck, held)
-        for j in range(dimension):
-            errors[j] = abs(turned[own + j])
-        for first in range(dimension, state.size, dimension):
-            call_impacts(impacts, t, state, state[first:], p, signs, landed, turned, stuck, held)
-            for j in range(dimension):
-                state[first + j] = turned[own + j]
-        for j in range(dimension):
-            state[j] = landed[own + j]
-        call_surfaces(surfaces, t, state, p, signs, values, rates, gains, jumps, normals)
-        if turn_sides(e, bound, kinds, values, signs, slides, False) > 0:
-            call_surfaces(surfaces, t, state, p, signs, values, rates, gains, jumps, normals)
+        before = values[e]
+        _jump(e, system, t, lane, jumps)
+        look(system, t, lane, surfaces)
+        if turn_sides(e, system, lane, surfaces, False) > 0:
+            look(system, t, lane, surfaces)
         # A guard that the jump leaves as it was, as one of time alone, has been passed, however exactly.
         if abs(values[e]) > CLOSE and abs(values[e] - before) > CLOSE:
             signs[e], fresh[e] = 1.0 if values[e] > 0.0 else -1.0, 0.0
-        elif kinds[e] >= RESTS and rests_on(rates[e], gains[e, e]):
-            begin_rest(e, impacts, t, state, p, bound, signs, slides, fresh, landed, turned, stuck, held, dimension)
+        elif kinds[e] >= RESTS and rests_on(rates[e], surfaces.gains[e, e]):
+            begin_rest(e, system, t, lane, jumps)
         else:
             signs[e], fresh[e] = 1.0 if rates[e] > 0.0 else -1.0, 1.0
     for e in range(count):

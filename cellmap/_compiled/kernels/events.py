@@ -6,6 +6,7 @@ import numpy as np
 
 from ..loops import inlined
 from .blocks import LANES
+from .lane import COUNTS
 
 NEVER = 2.0
 """Root returned where a polynomial has none in the step."""
@@ -129,15 +130,14 @@ def _leaves_between(event, shift, a, length):
 
 
 @inlined
-def land(series, state, signs, slides, counts, errors, fresh, hits, a, roots, time, order, end):
+def land(system, series, lane, event, end):
     """Take a lane back to the first event in its last step; return its time then, NO_EVENT if there is none.
 
     Rows of ``series`` hold coefficients of states and events, then estimates of the local errors, step, and time before
-    the step; see :mod:`cellmap._compiled.codegen.switching`.  ``fresh[e]`` is the order of the zero that event e has
-    at the
-    beginning of the step because the mode began there; the last entry counts events without progress.
+    the step; see :mod:`cellmap._compiled.codegen.switching`.
     """
-    size, count = state.size, signs.size
+    state, slides, errors, fresh, roots = lane.state, lane.slides, lane.errors, lane.fresh, event.before
+    size, count, order = state.size, slides.size, system.order
     length = order + 1
     local = (size + count) * length
     step, begun = series[(local + size) * LANES], series[(local + size + 1) * LANES]
@@ -148,15 +148,15 @@ def land(series, state, signs, slides, counts, errors, fresh, hits, a, roots, ti
             return NO_EVENT
     first = NEVER
     for e in range(count):
-        shift, event = int(fresh[e]), series[(size + e) * length * LANES :]
-        total = load_event(event, 0.0, 1.0, shift, a, length)
+        shift, a, row = int(fresh[e]), event.series, series[(size + e) * length * LANES :]
+        total = load_event(row, 0.0, 1.0, shift, a, length)
         if not total < np.inf:
             errors[:] = 1e300  # a mode that cannot be told is no mode
             return NO_EVENT
         if slides[e] > 0.0 and -10.0 * TIE < a[0] < 0.0:
             a[0] = 0.0
-        if counts[e] == 1:
-            roots[e] = _leaves_between(event, shift, a, length)
+        if system.kinds[e] == COUNTS:
+            roots[e] = _leaves_between(row, shift, a, length)
         else:
             roots[e] = first_root(a, order - shift)
         first = min(first, roots[e])
@@ -175,5 +175,5 @@ def land(series, state, signs, slides, counts, errors, fresh, hits, a, roots, ti
         state[j] = value
         errors[j] -= series[(local + j) * LANES] * (1.0 - first)
     for e in range(count):
-        hits[e] = 1.0 if roots[e] <= first + 1e-13 else 0.0
+        event.hits[e] = 1.0 if roots[e] <= first + 1e-13 else 0.0
     return min(begun + first * step, end)

@@ -7,6 +7,7 @@ import numpy as np
 from ..loops import inlined
 from .blocks import LANES
 from .events import load_event
+from .lane import COUNTS
 
 DEPTH, EXTENT = range(2)
 """What is kept for a surface: the least depth of a turning point, and the largest distance from the surface."""
@@ -28,14 +29,15 @@ def _with_slopes(a, degree, x):
 
 
 @inlined
-def watch(series, slides, counts, hits, until, a, size, order, records):
+def watch(system, series, lane, event, until, records):
     """Keep how near a lane came to each surface on which it turned round, in a step up to a fraction of it.
 
     Where it passes through, the turning point lies behind the surface: as far as the motion there, without the surface,
     would have led.  ``records`` has RECORDS numbers for each surface.
     """
-    for e in range(slides.size):
-        if slides[e] > 0.0 or counts[e] == 1:
+    a, size, order = event.series, lane.state.size, system.order
+    for e in range(lane.slides.size):
+        if lane.slides[e] > 0.0 or system.kinds[e] == COUNTS:
             continue
         if not load_event(series[(size + e) * (order + 1) * LANES :], 0.0, 1.0, 0, a, order + 1) < np.inf:
             continue
@@ -61,5 +63,5 @@ def watch(series, slides, counts, hits, until, a, size, order, records):
                 value, slope, bend = _with_slopes(a, order, high)
             low = high
         value, slope, bend = _with_slopes(a, order, until)
-        if hits[e] > 0.0 and slope <= 0.0 and bend > 0.0:
+        if event.hits[e] > 0.0 and slope <= 0.0 and bend > 0.0:
             kept[DEPTH] = min(kept[DEPTH], 0.5 * slope * slope / bend)

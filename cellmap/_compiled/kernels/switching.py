@@ -6,6 +6,7 @@ import numpy as np
 
 from ..loops import inlined
 from .events import TIE
+from .lane import COUNTS, SIGN
 
 _DIGITS = 1e-12  # of the size of a state, by which it may be moved onto a surface; and where it
 _SLIDING = 1e-8  # may slide there
@@ -40,15 +41,15 @@ def equivalent_control(rates, gains, slides, signs, held):
 
 
 @inlined
-def _interval(counts, sign):
+def _interval(kind, sign):
     """Return the middle and half the width of the values that a switch has on its surface."""
-    middle = sign + 0.5 if counts == 1 else 0.0
-    reach = 0.5 if counts == 1 else 1.0
+    middle = sign + 0.5 if kind == COUNTS else 0.0
+    reach = 0.5 if kind == COUNTS else 1.0
     return middle, reach
 
 
 @inlined
-def choose_mode(rates, gains, on_surface, counts, signs, slides, held):
+def choose_mode(system, lane, surfaces, on_surface, held):
     """Decide for the switches on their surfaces which of them slide, and on which side the others go on.
 
     On return a switch slides, or it is free with the sign of the side that it moves to.  The values l of switches that
@@ -56,16 +57,17 @@ def choose_mode(rates, gains, on_surface, counts, signs, slides, held):
     Of a switch that counts the value lies between its whole number n, of the side below the surface, and n + 1.
     Gauss-Seidel relaxation finds them; for friction, whose gains are those of an inverse inertia, it converges always.
     """
+    rates, gains, kinds, signs, slides = surfaces.rates, surfaces.gains, system.kinds, lane.signs, lane.slides
     count = rates.size
     for i in range(count):
-        middle, _ = _interval(counts[i], signs[i])
+        middle, _ = _interval(kinds[i], signs[i])
         held[i] = middle if on_surface[i] else signs[i]
     for _ in range(_ROUNDS):
         change = 0.0
         for i in range(count):
             if on_surface[i]:
                 own = gains[i, i]
-                middle, reach = _interval(counts[i], signs[i])
+                middle, reach = _interval(kinds[i], signs[i])
                 rest = rates[i] + own * middle
                 for j in range(count):
                     if j != i:
@@ -83,58 +85,58 @@ def choose_mode(rates, gains, on_surface, counts, signs, slides, held):
     for i in range(count):
         if on_surface[i] and not slides[i]:
             signs[i] = held[i]
-        elif on_surface[i] and counts[i] != 1:
+        elif on_surface[i] and kinds[i] != COUNTS:
             signs[i] = 0.0
 
 
 @inlined
-def begin_on_surface(
-    surfaces, rates, gains, jumps, normals, counts, signs, slides, fresh, state, zeros, on_surface, speeds, held
-):
+def begin_on_surface(system, lane, surfaces, event):
     """Choose the mode of an initial condition on a surface.  Switches that leave it are marked as fresh: no event.
 
     Where it slides, neighbours on either side are drawn in along the jump, and with them the tangent vectors.
     """
-    for e in range(surfaces.size):
-        on_surface[e] = 1.0 if surfaces[e] == 0.0 and not counts[e] else 0.0
-    choose_mode(rates, gains, on_surface, counts, signs, slides, held)
-    for e in range(surfaces.size):
-        fresh[e] = on_surface[e] - slides[e]
-    dimension = normals.shape[1]
-    zeros[:] = 0.0
+    count, dimension = surfaces.normals.shape
+    on_surface, speeds, held, state = event.on_surface, event.before, event.after, lane.state
+    for e in range(count):
+        on_surface[e] = 1.0 if surfaces.values[e] == 0.0 and system.kinds[e] == SIGN else 0.0
+    choose_mode(system, lane, surfaces, on_surface, held)
+    for e in range(count):
+        lane.fresh[e] = on_surface[e] - lane.slides[e]
+    event.hits[:] = 0.0
     for first in range(dimension, state.size, dimension):
-        for e in range(surfaces.size):
+        for e in range(count):
             speeds[e] = 0.0
             for j in range(dimension):
-                speeds[e] += normals[e, j] * state[first + j]
-        equivalent_control(speeds, gains, slides, zeros, held)
-        for e in range(surfaces.size):
+                speeds[e] += surfaces.normals[e, j] * state[first + j]
+        equivalent_control(speeds, surfaces.gains, lane.slides, event.hits, held)
+        for e in range(count):
             for j in range(dimension):
-                state[first + j] += held[e] * jumps[e, j]
+                state[first + j] += held[e] * surfaces.jumps[e, j]
 
 
 @inlined
-def project(state, errors, surfaces, normals, gains, hits, slides, counts, active, shifts):
+def project(system, lane, surfaces, event):
     """Move a state onto the surfaces where it has arrived or slides, by the last digits that it is away from them.
 
     Surfaces that are farther away than its errors allow, as those that all but depend on time alone, are left.  Where
     a state may slide it has to be on its surface, which the time of an event that all but touches leaves less exactly.
     """
+    state, gains, normals, active, shifts = lane.state, surfaces.gains, surfaces.normals, event.on_surface, event.before
     count, dimension = normals.shape
     error, length = 0.0, 1.0
     for j in range(dimension):
-        error += abs(errors[j])
+        error += abs(lane.errors[j])
         length += abs(state[j])
     for e in range(count):
-        shifts[e] = surfaces[e]
-        if counts[e] == 1:
-            shifts[e] -= 0.5 if surfaces[e] > 0.0 else -0.5
+        shifts[e] = surfaces.values[e]
+        if system.kinds[e] == COUNTS:
+            shifts[e] -= 0.5 if surfaces.values[e] > 0.0 else -0.5
     if count == 1:
         square = 0.0
         for j in range(dimension):
             square += normals[0, j] * normals[0, j]
         reach = error + length * (_DIGITS if gains[0, 0] == 0.0 else _SLIDING)
-        if hits[0] + slides[0] > 0.0 and abs(shifts[0]) < reach * np.sqrt(square):
+        if event.hits[0] + lane.slides[0] > 0.0 and abs(shifts[0]) < reach * np.sqrt(square):
             for j in range(dimension):
                 state[j] -= normals[0, j] * (shifts[0] / square)
         return
@@ -146,7 +148,7 @@ def project(state, errors, surfaces, normals, gains, hits, slides, counts, activ
                 products[e, k] += normals[e, j] * normals[k, j]
         reach = error + length * (_DIGITS if gains[e, e] == 0.0 else _SLIDING)
         near = abs(shifts[e]) < reach * np.sqrt(products[e, e])
-        active[e] = 1.0 if hits[e] + slides[e] > 0.0 and near else 0.0
+        active[e] = 1.0 if event.hits[e] + lane.slides[e] > 0.0 and near else 0.0
         alone += abs(shifts[e]) / products[e, e] if active[e] else 0.0
         shifts[e] = shifts[e] if active[e] else 0.0
     equivalent_control(shifts, products, active, shifts, shifts)
@@ -158,27 +160,28 @@ def project(state, errors, surfaces, normals, gains, hits, slides, counts, activ
 
 
 @inlined
-def leave(values, rates, gains, hits, counts, signs, slides, fresh, on_surface, before):
+def leave(system, lane, surfaces, event):
     """End the mode in which an event lies; return the surface that is entered, -1 if one is only left, and what fell.
 
-    ``before`` receives the signs of all switches before the event.  Switches that count, at the ends of their
-    intervals, have the whole number below their surface now; as many as fell have another one than before.
+    Switches that count, at the ends of their intervals, have the whole number below their surface now; as many as fell
+    have another one than before.
     """
-    count = rates.size
-    equivalent_control(rates, gains, slides, signs, before)
+    gains, hits, kinds, on_surface, before = surfaces.gains, event.hits, system.kinds, event.on_surface, event.before
+    signs, slides, fresh = lane.signs, lane.slides, lane.fresh
+    equivalent_control(surfaces.rates, gains, slides, signs, before)
     entered, fallen = -1, 0
-    for e in range(count):
+    for e in range(signs.size):
         on_surface[e] = slides[e]
         if hits[e] and slides[e]:
             # What pushes it off both sides at once, after the jump of another, has a gain of either sign.
-            middle, reach = _interval(counts[e], signs[e])
+            middle, reach = _interval(kinds[e], signs[e])
             beyond = abs(before[e] - middle) > reach + _JUMP
             signs[e] = before[e] = middle + (reach if (before[e] - middle) * gains[e, e] < 0.0 else -reach)
             slides[e] = 0.0
             fresh[e] = 1.0 if beyond else 2.0
             on_surface[e] = 0.0
         elif hits[e]:
-            if counts[e] == 1 and values[e] < 0.0:
+            if kinds[e] == COUNTS and surfaces.values[e] < 0.0:
                 signs[e] -= 1.0
                 fallen += 1
             on_surface[e] = 1.0
@@ -187,44 +190,47 @@ def leave(values, rates, gains, hits, counts, signs, slides, fresh, on_surface, 
 
 
 @inlined
-def enter(rates, gains, hits, counts, signs, slides, fresh, on_surface, before, after):
-    """Go over to the mode that follows an event; ``after`` receives the signs of all switches then."""
-    choose_mode(rates, gains, on_surface, counts, signs, slides, after)
-    for e in range(rates.size):
-        if on_surface[e] and hits[e] and fresh[e] > 0.0 and not slides[e] and gains[e, e] == 0.0 and not counts[e]:
+def enter(system, lane, surfaces, event):
+    """Go over to the mode that follows an event."""
+    on_surface, fresh, slides = event.on_surface, lane.fresh, lane.slides
+    choose_mode(system, lane, surfaces, on_surface, event.after)
+    for e in range(slides.size):
+        touches = event.hits[e] > 0.0 and fresh[e] > 0.0 and slides[e] == 0.0 and surfaces.gains[e, e] == 0.0
+        if on_surface[e] and touches and system.kinds[e] == SIGN:
             # It came back at once: it only touches the surface here, and the second derivative tells the side.
-            signs[e] = -before[e]
+            lane.signs[e] = -event.before[e]
             fresh[e] = 2.0
         elif on_surface[e]:
             fresh[e] = 1.0 - slides[e]
-    equivalent_control(rates, gains, slides, signs, after)
+    equivalent_control(surfaces.rates, surfaces.gains, slides, lane.signs, event.after)
 
 
 @inlined
-def follow(surfaces, free, counts, signs):
+def follow(values, free, kinds, signs):
     """Put switches that are free on the side where the change of another has left them; return how many there were."""
     changed = 0
     for e in range(signs.size):
-        if free[e] and counts[e] == 1 and abs(surfaces[e]) > 0.5:
-            signs[e] += np.floor(surfaces[e] + 0.5)
+        if free[e] and kinds[e] == COUNTS and abs(values[e]) > 0.5:
+            signs[e] += np.floor(values[e] + 0.5)
             changed += 1
-        elif free[e] and not counts[e] and signs[e] * surfaces[e] < 0.0:
+        elif free[e] and kinds[e] == SIGN and signs[e] * values[e] < 0.0:
             signs[e] = -signs[e]
             changed += 1
     return changed
 
 
 @inlined
-def pass_event(entered, gap, rates, gains, jumps, normals, state, errors, before, after):
+def pass_event(entered, gap, lane, surfaces, event):
     """Take errors, and tangent vectors if there are any, through an event whose time depends on the state.
 
     Its function is known up to a gap.
     It is the saltation matrix I + (f_after - f_before) grad h / (dh/dt before).
     """
+    normals, state, errors, before, after = surfaces.normals, lane.state, lane.errors, event.before, event.after
     count, dimension = normals.shape
-    speed = rates[entered]
+    speed = surfaces.rates[entered]
     for e in range(count):
-        speed += gains[entered, e] * before[e]
+        speed += surfaces.gains[entered, e] * before[e]
     if speed == 0.0:
         return
     for first in range(0, state.size, dimension):
@@ -236,7 +242,7 @@ def pass_event(entered, gap, rates, gains, jumps, normals, state, errors, before
             jump = 0.0
             for e in range(count):
                 if after[e] != before[e]:  # elsewhere one side may have a pole
-                    jump += (after[e] - before[e]) * jumps[e, j]
+                    jump += (after[e] - before[e]) * surfaces.jumps[e, j]
             if first == 0:
                 errors[j] += abs(jump * shift / speed)
             else:

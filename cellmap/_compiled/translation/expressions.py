@@ -6,6 +6,7 @@ import ast
 import builtins
 import math
 import operator
+from collections.abc import Mapping
 from types import ModuleType
 from typing import Any
 
@@ -34,6 +35,7 @@ from .values import (
     joined,
     lasting,
     made,
+    parts_of,
     registers,
     tuple_of,
     typed,
@@ -60,11 +62,13 @@ class Expressions:
     """What expressions become; constants are worked out at once."""
 
     def __init__(
-        self, module: Any, what: Deferred, kinds: dict[str, Kind], fixed: dict[str, Value], names: frozenset[str]
+        self, module: Any, what: Deferred, given: dict[str, Value], names: Mapping[str, int], kinds: dict[str, Kind]
     ) -> None:
-        self.module, self.kinds, self._fixed = module, kinds, fixed
-        self._own = names.union(kinds)
-        self.bound = set(kinds) - names.difference(kinds)  # what has a value, whatever way a run takes to here
+        self.module, self.kinds = module, kinds
+        self._own = {*names, *given}
+        self.bound = set(given)  # what has a value, whatever way a run takes to here
+        self.fixed = {name: value for name, value in given.items() if name not in names}
+        self.once = {name for name, places in names.items() if places == 1 and name not in given}
         self.places: dict[str, list[str]] = {}
         function = what.function
         cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
@@ -83,16 +87,25 @@ class Expressions:
 
     def variable(self, name: str) -> Value | None:
         """Return the value of a variable; None where the name is not one."""
-        if name in self._fixed:
-            return self._fixed[name]
-        if name not in self.places:
+        fixed = self.fixed.get(name)
+        if fixed is None and name not in self.places:
             return None
         if name not in self.bound:
             raise TypeError(f"{name} may have no value here")
-        kind = self.kinds[name]
-        pairs = zip(registers(kind), self.places[name], strict=True)
-        found = tuple(self.writer.value(f"load {t}, ptr {place}") for t, place in pairs)
+        if fixed is not None:
+            kind, found = fixed.kind, fixed.registers
+        else:
+            kind = self.kinds[name]
+            pairs = zip(registers(kind), self.places[name], strict=True)
+            found = tuple(self.writer.value(f"load {t}, ptr {place}") for t, place in pairs)
         return Value(lasting(kind, SEEN_AGAIN) if made(kind) == AGAIN else kind, found)
+
+    def value(self, found: Value | Known) -> Value:
+        """Return a constant as the number or tuple that it is."""
+        if isinstance(found, Known) and isinstance(found.value, tuple):
+            items = [self.value(Known(item)) for item in found.value]
+            return tuple_of(items, getattr(found.value, "_fields", ()))
+        return self.numbers.number(found) if isinstance(found, Known) else found
 
     def known(self, node: ast.expr) -> Known | None:
         """Return what an expression is, where that is known without running anything."""
@@ -107,7 +120,8 @@ class Expressions:
         if len(values) < len(parts):
             return None
         if isinstance(node, ast.Attribute):
-            return Known(getattr(values[0], node.attr)) if isinstance(values[0], ModuleType) else None
+            is_known = isinstance(values[0], ModuleType) or node.attr in getattr(values[0], "_fields", ())
+            return Known(getattr(values[0], node.attr)) if is_known else None
         if isinstance(node, ast.BinOp):
             return Known(_FOLDED[type(node.op)](*values))
         if isinstance(node, ast.UnaryOp):
@@ -201,8 +215,7 @@ class Expressions:
         return value
 
     def _of_tuple(self, node: ast.Tuple) -> Value:
-        values = [self.expression(one) for one in node.elts]
-        return tuple_of([self.numbers.number(v) if isinstance(v, Known) else v for v in values])
+        return tuple_of([self.value(self.expression(one)) for one in node.elts])
 
     def _of_attribute(self, node: ast.Attribute) -> Value:
         value = self.expression(node.value)
@@ -312,8 +325,17 @@ class Expressions:
     def _of_call(self, node: ast.Call) -> Value | Known:
         known = self.known(node.func)
         if known is None:
+            if isinstance(node.func, ast.Attribute) and node.func.attr == "_replace" and not node.args:
+                before = self.value(self.expression(node.func.value))
+                names = before.kind.names if isinstance(before.kind, TupleKind) else ()
+                return self._record(node, names, dict(zip(names, self.items(before), strict=bool(names))))
             raise TypeError(f"{ast.unparse(node.func)} is not known")
         function = known.value
+        if isinstance(function, type) and issubclass(function, tuple) and hasattr(function, "_fields"):
+            defaults: dict[str, Any] = getattr(function, "_field_defaults", {})
+            return self._record(node, function._fields, {name: Known(value) for name, value in defaults.items()})
+        if node.keywords:
+            raise TypeError(f"arguments by name are not in the language: {ast.unparse(node)}")
         counts = _GIVEN.get(function) if function.__hash__ else None
         if counts is not None and len(node.args) not in counts:
             raise TypeError(f"{ast.unparse(node.func)} with {len(node.args)} arguments is not in the language")
@@ -337,6 +359,22 @@ class Expressions:
         if function is len and isinstance(given[0], Value):
             return Value(WHOLE, (self.arrays.shape(given[0])[0],))
         raise TypeError(f"{ast.unparse(node.func)} is not in the language")
+
+    def _record(self, node: ast.Call, names: tuple[str, ...], others: Mapping[str, Value | Known]) -> Value:
+        """Return a named tuple of arguments by place and by name; fields that are not given have those of others."""
+        what, given = ast.unparse(node.func), dict[str, Value | Known]()
+        if len(node.args) > len(names):
+            raise TypeError(f"{what} has {len(names)} fields, not {len(node.args)}")
+        for name, one in [*zip(names, node.args, strict=False), *((one.arg, one.value) for one in node.keywords)]:
+            if name not in names:
+                raise TypeError(f"{what} has no field {name or '**'}")
+            if name in given:
+                raise TypeError(f"{what} is given {name} twice")
+            given[name] = self.expression(one)
+        found = {**others, **given}
+        if lacking := [name for name in names if name not in found]:
+            raise TypeError(f"{what} is not given {', '.join(lacking)}")
+        return tuple_of([self.value(found[name]) for name in names], names)
 
     def _new(self, node: ast.Call) -> Value:
         known, given = self.known(node.func), node.args
@@ -371,8 +409,7 @@ class Expressions:
         handed = []
         if len(given) != what.function.__code__.co_argcount:
             raise TypeError(f"{what.function.__qualname__} does not take {len(given)} arguments")
-        for value in given[1:]:
-            one = self.numbers.number(value) if isinstance(value, Known) else value
+        for one in parts_of(tuple_of([self.value(value) for value in given[1:]])):
             whole = one.kind.layout == CONTIGUOUS if isinstance(one.kind, ArrayKind) else len(one.registers) == 1
             if not whole:
                 raise TypeError(f"a value of the kind {one.kind} is handed over by its address")
@@ -393,7 +430,7 @@ class Expressions:
         return Value(ArrayKind(kind.element, len(lengths)), (begin, *(length.register for length in lengths)))
 
     def _called(self, what: Deferred, given: list[Value | Known]) -> Value:
-        values = [self.numbers.number(value) if isinstance(value, Known) else value for value in given]
+        values = [self.value(one) for one in given]
         callee = self.module.callee(what, tuple(lasting(value.kind, 0) for value in values))
         result_kind = lasting(callee.result, max((made(value.kind) for value in values), default=0))
         types = registers(callee.result)

@@ -85,15 +85,15 @@ class Module:
                 raise TypeError(f"{what.function.__qualname__} calls itself")
             self._begun.add(key)
             tree, file = _tree(what.function), what.function.__code__.co_filename
-            set_again = names_set(tree, file)
+            stored = names_set(tree, file)
             names = [argument.arg for argument in tree.args.args]
             if len(names) != len(kinds):
                 raise TypeError(f"{what.function.__qualname__} takes {len(names)} arguments, not {len(kinds)}")
             variables: dict[str, Kind] = dict(zip(names, kinds, strict=True))
-            fixed = {n: _argument(n, kind) for n, kind in variables.items() if n not in set_again}
+            given = {name: _argument(name, kind) for name, kind in variables.items()}
             result: list[Kind] = []
             while True:
-                body = Statements(self, what, variables, result, fixed, set_again)
+                body = Statements(self, what, given, stored, variables, result)
                 try:
                     body.function(tree.body)
                     break

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import functools
+from collections import Counter
 
 _OPERATORS = "Add Sub Mult Div FloorDiv Mod Pow LShift RShift BitAnd BitOr BitXor USub Not And Or"
 FIELDS: dict[str, str] = {
@@ -12,7 +13,8 @@ FIELDS: dict[str, str] = {
     "If": "test body orelse", "While": "test body", "For": "target iter body", "Return": "value",
     "Constant": "value", "Name": "id ctx", "Tuple": "elts ctx", "Attribute": "value attr ctx",
     "Subscript": "value slice ctx", "Slice": "lower upper", "BinOp": "left op right", "UnaryOp": "op operand",
-    "Compare": "left ops comparators", "BoolOp": "op values", "IfExp": "test body orelse", "Call": "func args",
+    "Compare": "left ops comparators", "BoolOp": "op values", "IfExp": "test body orelse", "Call": "func args keywords",
+    "keyword": "arg value",
 }  # fmt: skip
 """What is translated: nodes of the grammar, and the fields of each.  All else is refused, so ``orelse`` of While."""
 
@@ -24,15 +26,15 @@ class LanguageError(TypeError):
 
 
 @functools.lru_cache(maxsize=256)
-def names_set(tree: ast.FunctionDef, file: str) -> frozenset[str]:
-    """Return the names that a function sets.
+def names_set(tree: ast.FunctionDef, file: str) -> Counter[str]:
+    """Return the names that a function sets, and in how many places.
 
     Raises
     ------
     LanguageError
         Where anything in it has no translation.
     """
-    names = set()
+    names: Counter[str] = Counter()
     left: list[tuple[ast.AST, int]] = [(tree.args, tree.lineno), *((one, one.lineno) for one in tree.body)]
     while left:
         node, line = left.pop()
@@ -43,7 +45,7 @@ def names_set(tree: ast.FunctionDef, file: str) -> frozenset[str]:
             of = f" with {', '.join(sorted(foreign))}" if name in FIELDS else ""
             raise LanguageError(f"{file}:{line}: {name}{of} is not in the language: {ast.unparse(node)}")
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-            names.add(node.id)
+            names[node.id] += 1
         for value in fields.values():
             left += [(one, line) for one in (value if isinstance(value, list) else [value]) if isinstance(one, ast.AST)]
-    return frozenset(names)
+    return names

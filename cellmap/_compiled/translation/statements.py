@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Mapping
 from typing import Any
 
 from .expressions import Expressions
 from .failures import Failure
+from .marks import Deferred
 from .values import (
     SEEN_AGAIN,
     WHOLE,
@@ -33,19 +35,19 @@ class Statements(Expressions):
     def __init__(
         self,
         module: Any,
-        what: Any,
+        what: Deferred,
+        given: dict[str, Value],
+        names: Mapping[str, int],
         kinds: dict[str, Kind],
         result: list[Kind],
-        fixed: dict[str, Value],
-        names: frozenset[str],
     ) -> None:
-        super().__init__(module, what, kinds, fixed, names)
+        super().__init__(module, what, given, names, kinds)
         self._result = result
         self._ends_without = False
         self.conversions: list[str] = []
         self.results = [self.writer.memory(t) for t in registers(self.result)]
-        for name in kinds:
-            if name not in fixed:
+        for name in names:
+            if name in given:
                 self._place(name)
 
     @property
@@ -89,7 +91,8 @@ class Statements(Expressions):
         self.places[name] = [self.writer.memory(t) for t in registers(self.kinds[name])]
 
     def _set(self, name: str, value: Value | Known) -> None:
-        kind = self.numbers.number(value).kind if isinstance(value, Known) else value.kind
+        value = self.value(value)
+        kind = value.kind
         if kind is None:
             raise TypeError(f"{name} is what a function returns that returns nothing")
         if made(kind) == SEEN_AGAIN:
@@ -99,11 +102,14 @@ class Statements(Expressions):
         elif self.kinds[name] != (wider := joined(self.kinds[name], kind)):
             self.kinds[name] = wider
             raise Widened
-        if name not in self.places:
-            self._place(name)
         fitted = self.fitted(value, self.kinds[name])
-        for t, register, place in zip(registers(fitted.kind), fitted.registers, self.places[name], strict=True):
-            self.writer.write(f"store {t} {register}, ptr {place}")
+        if name in self.once:
+            self.fixed[name] = fitted
+        else:
+            if name not in self.places:
+                self._place(name)
+            for t, register, place in zip(registers(fitted.kind), fitted.registers, self.places[name], strict=True):
+                self.writer.write(f"store {t} {register}, ptr {place}")
         self.bound.add(name)
 
     def _assign_to(self, target: ast.expr, value: Value | Known) -> None:
@@ -260,8 +266,7 @@ class Statements(Expressions):
         if statement.value is None:
             self._ends_without = True
         else:
-            found = self.expression(statement.value)
-            value = self.numbers.number(found) if isinstance(found, Known) else found
+            value = self.value(self.expression(statement.value))
             if made(value.kind):
                 raise TypeError("an array is returned that was made here and does not last")
             wider = value.kind if not self._result else joined(self._result[0], value.kind)

@@ -117,6 +117,13 @@ def items_of(value: Value) -> Iterator[Value]:
         begin = end
 
 
+def parts_of(value: Value) -> list[Value]:
+    """Return the items of a tuple, and those of tuples among them; any other value as it is."""
+    return (
+        [part for item in items_of(value) for part in parts_of(item)] if isinstance(value.kind, TupleKind) else [value]
+    )
+
+
 def tuple_of(items: list[Value], names: tuple[str, ...] = ()) -> Value:
     """Return a tuple of values."""
     kind = TupleKind(tuple(item.kind for item in items), names)
