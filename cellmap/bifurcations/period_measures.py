@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 
-from .._compiled.codegen.rebind import over_arrays
-from .._compiled.codegen.trace import parameter_record
 from .._lib.arrays import Complexes, Floats
 from .._lib.checks import finite_number, one_of, shown
-from ..maps.parameters_as_states import swept_map
-from ..maps.poincare import Section, SectionMap
+from ..maps.poincare import Section
 from ..maps.point_map import PointMap
 from ..maps.stroboscopic import Stroboscopic
-from ..maps.system import ForcedSystem
-from ..maps.trajectories import Sampler
+from ..maps.swept_orbits import Quantity as Quantity
+from ..maps.swept_orbits import SweptOrbits
 
 _SAMPLES, _MOST_SAMPLES = 64, 1024  # in a step of the map
 _TAIL = 1e-10  # largest harmonics of the upper quarter, relative to all, of a signal that is resolved
@@ -31,9 +26,6 @@ _FINER = 8  # points between two samples at which the largest value is looked fo
 _NEWTON_STEPS = 4
 _BLOCK = 8192  # steps of orbits that are integrated together
 _CLOSED = 1e-5  # distance, relative, by which a signal may miss its first value after a period
-
-Quantity = int | str | Callable[[Any, Any, Any], Any]
-"""Number or name of a coordinate, name of one of the outputs of a system, or a function f(t, x, p)."""
 
 
 class PeriodMeasure(StrEnum):
@@ -118,35 +110,34 @@ def measured(
     angle that makes full rotations.  Without a measure, the quantity at the points.  The tolerances are those of the
     map, or `finest` if that is less.
     """
+    orbits = SweptOrbits(point_map.without_table, names, values, points, period, finest)
     if measure is None:
-        spec = point_map.without_table.spec
-        phase = spec.phase if isinstance(spec, Stroboscopic) else 0.0
-        times = np.full((1, len(points)), phase) * _lengths(point_map, names, values)
-        return _quantity(point_map, names, values, times, _on_section(spec, points)[None], quantity)[:, 0]
+        return orbits.quantity(quantity, *orbits.beginning)[:, 0]
     chosen = PeriodMeasure(one_of("measure", measure, _NAMES))
-    result, flow = np.full(len(values), np.nan), _is_flow(point_map)
-    rows, samples = np.arange(len(values)), _SAMPLES
+    result, rows, samples = np.full(len(values), np.nan), np.arange(len(values)), _SAMPLES
     while len(rows):
-        given = names, values[rows], points[rows], period
-        times, states = _motion(point_map, *given, samples, finest)
-        times = np.broadcast_to(times, states.shape[:2])
-        signals = _quantity(point_map, names, values[rows], times, states, quantity)
+        some = orbits[rows]
+        times, states = some.motion(samples)
+        signals = some.quantity(quantity, times, states)
         apart = np.abs(signals[:, -1] - signals[:, 0])
         closed = apart <= _CLOSED * _size(signals)
+        if not orbits.is_flow:
+            result[rows[closed]] = _reduced(chosen, signals[closed, :-1], _highest(signals[closed, :-1]))
+            break
         harmonics = np.fft.rfft(signals[:, :-1]) / (signals.shape[1] - 1)
         strength = np.abs(harmonics)
         tail = strength[:, 3 * strength.shape[1] // 4 :].max(axis=1, initial=0.0)
-        resolved = (tail <= np.maximum(_TAIL * strength.max(axis=1), apart)) | (not flow)
+        resolved = tail <= np.maximum(_TAIL * strength.max(axis=1), apart)
         rough = np.zeros(len(rows), bool)
-        if flow and (resolved.any() or samples == _MOST_SAMPLES):
+        if resolved.any() or samples == _MOST_SAMPLES:
             # Harmonics that are aliased are seen at another number of samples, and at irregular times.
-            checks = _signals(point_map, *given, quantity, _CHECKS, finest)[:, :-1]
+            checks = some.quantity(quantity, *some.motion(_CHECKS))[:, :-1]
             phases = np.append(
                 np.arange(checks.shape[1]) / checks.shape[1], np.arange(1, _CHECKS * period) * _GOLDEN % 1.0
             )
             loose = np.arange(len(phases)) >= checks.shape[1]  # states from polynomials are less accurate
             inside = np.repeat(phases[loose, None] * (len(states) - 1), len(rows), axis=1)
-            checks = np.hstack([checks, _quantity(point_map, *given[:2], *_between(times, states, inside), quantity)])
+            checks = np.hstack([checks, some.quantity(quantity, *_between(times, states, inside))])
             slack = np.where(loose, _ROUGH, _AGREES) * _size(signals)[:, None] + 10.0 * apart[:, None]
             waves = np.exp(2j * np.pi * np.outer(np.arange(harmonics.shape[1]), phases))
             waves[1 : (signals.shape[1] - 1) // 2] *= 2.0
@@ -155,31 +146,22 @@ def measured(
             pair = np.stack([signals[:, beside], signals[:, beside + 1]])
             slack = _ROUGH * _size(signals)[:, None]
             rough = ((checks >= pair.min(axis=0) - slack) & (checks <= pair.max(axis=0) + slack)).all(axis=1)
-        done = closed & resolved
-        result[rows[done]] = _reduced(chosen, signals[done, :-1], harmonics[done], point_map)
-        left = closed & ~resolved
+        done, left = closed & resolved, closed & ~resolved
+        result[rows[done]] = _reduced(chosen, signals[done, :-1], _of_waves(signals[done, :-1], harmonics[done]))
         if samples == _MOST_SAMPLES:
             left &= rough
-
-            def value(t: Any, x: Any, n: tuple[str, ...] = names, v: Any = values[rows[left]]) -> Floats:
-                return _quantity(point_map, n, v, t, x, quantity)
-
-            result[rows[left]] = _of_samples(chosen, signals[left], times[:, left], states[:, left], value)
+            zoomed = _of_samples(some[left], quantity, signals[left], times[:, left], states[:, left])
+            result[rows[left]] = _reduced(chosen, signals[left, :-1], zoomed)
             break
         rows, samples = rows[left], 2 * samples
     return result
 
 
-def _of_samples(
-    measure: PeriodMeasure, signals: Floats, times: Floats, states: Floats, value: Callable[[Floats, Floats], Floats]
-) -> Floats:
-    """Return a measure (n,) of signals (n, times) with jumps or kinks, whose extreme values are values that they take.
+def _of_samples(orbits: SweptOrbits, quantity: Quantity, signals: Floats, times: Floats, states: Floats) -> _Largest:
+    """Return the largest values of signals (n, times) with jumps or kinks, which are values that they take.
 
-    Those are looked for between the samples beside the best one, with states from polynomials through five samples.
+    They are looked for between the samples beside the best one, with states from polynomials through five samples.
     """
-    if measure in {PeriodMeasure.MEAN, PeriodMeasure.NORM}:
-        mean = (signals[:, :-1] if measure is PeriodMeasure.MEAN else signals[:, :-1] ** 2).mean(axis=1)
-        return np.asarray(mean if measure is PeriodMeasure.MEAN else np.sqrt(mean))
     each = np.arange(len(signals))
 
     def largest(sign: float) -> Floats:
@@ -187,15 +169,12 @@ def _of_samples(
         high, place, width = sign * signals[each, best], best.astype(float), 1.0
         for _ in range(_ZOOMS):
             at = np.clip(place + width * np.linspace(-1.0, 1.0, 2 * _FINER + 1)[:, None], 0.0, len(states) - 1.0)
-            found = sign * value(*_between(times, states, at))
-            best = np.argmax(found, axis=1)
-            high, place, width = np.maximum(high, found[each, best]), at[best, each], width / _FINER
+            found = sign * orbits.quantity(quantity, *_between(times, states, at)).T
+            best = np.argmax(found, axis=0)
+            high, place, width = np.maximum(high, found[best, each]), at[best, each], width / _FINER
         return high
 
-    high, low = largest(1.0), -largest(-1.0)
-    if measure is PeriodMeasure.AMPLITUDE:
-        return np.asarray(0.5 * (high - low))
-    return high if measure is PeriodMeasure.MAXIMUM else low
+    return largest
 
 
 def _between(times: Floats, states: Floats, places: Floats) -> tuple[Floats, Floats]:
@@ -223,12 +202,19 @@ def measured_along(
     n, steps, d = points.shape
     result, block = np.full(n, np.nan), max(_BLOCK // steps, 1)
     for rows in (slice(k, k + block) for k in range(0, n, block)):
-        each = np.repeat(values[rows], steps, axis=0)
-        signals = _signals(point_map, names, each, points[rows].reshape(-1, d), 1, quantity, _SAMPLES)
+        each, exact = np.repeat(values[rows], steps, axis=0), point_map.without_table
+        orbits = SweptOrbits(exact, names, each, points[rows].reshape(-1, d), 1)
+        signals = orbits.quantity(quantity, *orbits.motion(_SAMPLES))
         signals = signals.reshape(-1, steps, signals.shape[-1])
         apart = np.abs(signals[:, :-1, -1] - signals[:, 1:, 0]).max(axis=1, initial=0.0)
-        whole = np.column_stack([signals[..., :-1].reshape(len(signals), -1), signals[:, -1, -1]])
-        result[rows] = np.where(apart <= _CLOSED * _size(whole), _reduced(chosen, whole, None, point_map), np.nan)
+        inner = signals[..., :-1].reshape(len(signals), -1)
+        whole = np.column_stack([inner, signals[:, -1, -1]])
+        found = (
+            _reduced(chosen, whole, _of_parabola(whole), is_open=True)
+            if orbits.is_flow
+            else _reduced(chosen, inner, _highest(whole))
+        )
+        result[rows] = np.where(apart <= _CLOSED * _size(whole), found, np.nan)
     return result
 
 
@@ -261,185 +247,41 @@ def _size(signals: Floats) -> Floats:
     return np.where(size > 0.0, size, 1.0)
 
 
-def _signals(
-    point_map: PointMap,
-    names: tuple[str, ...],
-    values: Floats,
-    points: Floats,
-    period: int,
-    quantity: Quantity,
-    samples: int,
-    finest: float = np.inf,
-) -> Floats:
-    """Return the quantity (n, times + 1) from the beginning of the period of orbits to its end."""
-    times, states = _motion(point_map, names, values, points, period, samples, finest)
-    return _quantity(point_map, names, values, times, states, quantity)
+_Largest = Callable[[float], Floats]
+"""Returns the largest values (n,) of signals times a sign."""
 
 
-def _motion(
-    point_map: PointMap,
-    names: tuple[str, ...],
-    values: Floats,
-    points: Floats,
-    period: int,
-    samples: int,
-    finest: float = np.inf,
-) -> tuple[Floats, Floats]:
-    """Return times (times + 1, n) from the beginning of the period of orbits to its end, and states there."""
-    exact = point_map.without_table
-    spec, d = exact.spec, exact.dimension
-    if isinstance(spec, Section):
-        returning, cycles = _cycles(spec, names, samples, finest)
-        place, lengths = np.column_stack([points, values]), np.zeros(len(points))
-        for _ in range(period):
-            back = returning.returns(place)
-            place, lengths = back.points, lengths + back.times
-        states = cycles.states(np.column_stack([_on_section(spec, points), values, lengths]), 1)[0][..., : d + 1]
-        times = np.arange(len(states))[:, None] / samples * lengths
-        return times, states
-    if not isinstance(spec, Stroboscopic):
-        swept = swept_map(exact, *names)
-        orbit = [np.column_stack([points, values])]
-        for _ in range(period):
-            orbit.append(swept(orbit[-1]))
-        times = np.broadcast_to(np.arange(period + 1.0)[:, None], (period + 1, len(points)))
-        return times, np.array(orbit)[..., :d]
-    sampler = _sampler(spec, names, samples, finest)
-    if sampler is not None:
-        states = sampler.states(np.column_stack([points, values]), period)[0][..., :d]
-    else:
-        each = (
-            Sampler(_finer(replace(spec, system=_at(spec.system, names, value)), finest), samples) for value in values
-        )
-        states = np.concatenate([s.states(p[None], period)[0] for s, p in zip(each, points, strict=True)], axis=1)
-    times = (spec.phase + np.arange(len(states))[:, None] / samples) * _lengths(exact, names, values)
-    return times, states
-
-
-def _quantity(
-    point_map: PointMap, names: tuple[str, ...], values: Floats, times: Floats, states: Floats, quantity: Quantity
-) -> Floats:
-    """Return a quantity (n, times) of states (times, n, ...), with all coordinates of a system, at times (times, n)."""
-    exact = point_map.without_table
-    spec, d = exact.spec, exact.dimension
-    if isinstance(quantity, int | np.integer):
-        if isinstance(quantity, bool) or not -d <= quantity < d:
-            raise ValueError(f"quantity={quantity!r}: the coordinates have the numbers 0 to {d - 1}")
-        quantity = exact.coordinates[quantity].name
-    system = spec.system if isinstance(spec, Stroboscopic | Section) else None
-    outputs = system.outputs if system is not None else {}
-    axes = [c.name for c in (exact.coordinates if system is None else system.axes)]
-    if isinstance(quantity, str):
-        if quantity in axes:
-            return states[..., axes.index(quantity)].T
-        if quantity not in outputs:
-            raise ValueError(
-                f"quantity={quantity!r}: the coordinates are {axes}, the outputs {sorted(outputs) or 'none'}"
-            )
-    function = outputs[quantity] if isinstance(quantity, str) else quantity
-    if not callable(function):
-        raise TypeError(
-            f"quantity={shown(quantity)}: give a coordinate, one of the outputs of the system, or a function f(t, x, p)"
-        )
-    parameters = _parameters(exact, names, values)
-    try:
-        found = over_arrays(function)(times, tuple(np.moveaxis(states, -1, 0)), parameters)
-        first = np.asarray(found[0] if isinstance(found, tuple) else found)
-        if first.dtype.kind not in "biuf":
-            raise TypeError(f"it returns {shown(found)}, not real numbers")
-    except (TypeError, ValueError, AttributeError, IndexError) as error:
-        raise (ValueError if isinstance(error, ValueError) else TypeError)(
-            f"quantity={shown(quantity)}: {error}; give a function f(t, x, p) of the coordinates {axes} and the "
-            f"parameters {list(exact.params)}, written with functions of math, min, max and abs instead of `if`"
-        ) from error
-    return np.broadcast_to(first.astype(float), states.shape[:-1]).T
-
-
-@functools.lru_cache(maxsize=16)
-def _sampler(spec: Stroboscopic, names: tuple[str, ...], samples: int, finest: float) -> Sampler | None:
-    swept = spec.swept(names)
-    return None if swept is None else Sampler(_finer(swept, finest), samples)
-
-
-@functools.lru_cache(maxsize=16)
-def _cycles(spec: Section, names: tuple[str, ...], samples: int, finest: float) -> tuple[SectionMap, Sampler]:
-    """Return the map of first returns with parameters as states, and the motion over a time that is a state as well."""
-    finer = replace(spec, rtol=min(spec.rtol, finest), atol=min(spec.atol, finest))
-    swept, system = finer.swept(names), spec.system
-    if swept is None:
-        raise TypeError(f"system={system!r}: measures over returns need a right-hand side that can be traced")
-    own = parameter_record(tuple(system.params))
-
-    def rhs(t: Any, x: Any, p: Any) -> Any:
-        return system.rhs(t, x, own(*tuple(p)[:-1]))
-
-    timed = ForcedSystem(rhs, {**system.params, "T_": 1.0}, lambda p: p.T_, system.axes, system.name)
-    strobe = Stroboscopic(timed, 0.0, finer.rtol, finer.atol, "auto", spec.max_steps).swept((*names, "T_"))
-    assert strobe is not None, "the same formulas"
-    return swept.build(), Sampler(strobe, samples)
-
-
-def _on_section(spec: Any, points: Floats) -> Floats:
-    """Return points (n, d) with the coordinate that is constant on a section."""
-    if not isinstance(spec, Section):
-        return points
-    place = [c.name for c in spec.system.axes].index(spec.section[0])
-    return np.insert(points, place, spec.section[1], axis=1)
-
-
-def _is_flow(point_map: PointMap) -> bool:
-    return isinstance(point_map.without_table.spec, Stroboscopic | Section)
-
-
-def _parameters(exact: PointMap, names: tuple[str, ...], values: Floats) -> Any:
-    """Return the named tuple of parameters, of which some are arrays (n,)."""
-    given = dict(exact.params) | dict(zip(names, values.T, strict=True))
-    return parameter_record(tuple(given))(*given.values())
-
-
-def _lengths(point_map: PointMap, names: tuple[str, ...], values: Floats) -> Any:
-    """Return the periods (n,) of a stroboscopic map, or 1."""
-    spec = point_map.without_table.spec
-    period: Any = spec.system.period if isinstance(spec, Stroboscopic) else 1.0
-    return over_arrays(period)(_parameters(point_map.without_table, names, values)) if callable(period) else period
-
-
-def _finer(spec: Stroboscopic, finest: float) -> Stroboscopic:
-    atol = tuple(min(a, finest) for a in spec.atol) if isinstance(spec.atol, tuple) else min(spec.atol, finest)
-    return replace(spec, rtol=min(spec.rtol, finest), atol=atol)
-
-
-def _at(system: ForcedSystem, names: tuple[str, ...], values: Floats) -> ForcedSystem:
-    return system.with_params(**dict(zip(names, values.tolist(), strict=True)))
-
-
-def _reduced(measure: PeriodMeasure, signals: Floats, harmonics: Complexes | None, point_map: PointMap) -> Floats:
-    """Return a measure (n,) of signals (n, times); without harmonics they do not return."""
-    smooth = _is_flow(point_map)
+def _reduced(measure: PeriodMeasure, signals: Floats, largest: _Largest, is_open: bool = False) -> Floats:
+    """Return a measure (n,) of signals (n, times), whose last value is the first one again unless they are open."""
     if measure in {PeriodMeasure.MEAN, PeriodMeasure.NORM}:
         means = signals if measure is PeriodMeasure.MEAN else signals**2
-        if harmonics is None:
-            means = 0.5 * (means[:, :-1] + means[:, 1:]) if smooth else means[:, :-1]
-        mean = np.asarray(means.mean(axis=1))
+        mean = np.asarray((0.5 * (means[:, :-1] + means[:, 1:]) if is_open else means).mean(axis=1))
         return mean if measure is PeriodMeasure.MEAN else np.sqrt(mean)
-
-    def largest(sign: float) -> Floats:
-        if not smooth:
-            return np.asarray((sign * signals).max(axis=1))
-        return _of_parabola(sign * signals) if harmonics is None else _largest(sign * signals, sign * harmonics)
-
     high, low = largest(1.0), -largest(-1.0)
     if measure is PeriodMeasure.AMPLITUDE:
         return np.asarray(0.5 * (high - low))
     return np.asarray(high if measure is PeriodMeasure.MAXIMUM else low)
 
 
-def _of_parabola(signals: Floats) -> Floats:
-    """Return the largest values (n,) of signals (n, times), from parabolas through three samples."""
-    place = np.argmax(signals[:, 1:-1], axis=1)
-    before, here, after = (signals[np.arange(len(signals)), place + k] for k in range(3))
-    bend = 2.0 * here - before - after
-    return np.maximum(signals.max(axis=1), here + (after - before) ** 2 / np.where(bend > 0.0, 8.0 * bend, np.inf))
+def _highest(signals: Floats) -> _Largest:
+    return lambda sign: np.asarray((sign * signals).max(axis=1))
+
+
+def _of_parabola(values: Floats) -> _Largest:
+    """Return the largest values of signals (n, times), from parabolas through three samples."""
+
+    def largest(sign: float) -> Floats:
+        signals = sign * values
+        place = np.argmax(signals[:, 1:-1], axis=1)
+        before, here, after = (signals[np.arange(len(signals)), place + k] for k in range(3))
+        bend = 2.0 * here - before - after
+        return np.maximum(signals.max(axis=1), here + (after - before) ** 2 / np.where(bend > 0.0, 8.0 * bend, np.inf))
+
+    return largest
+
+
+def _of_waves(signals: Floats, harmonics: Complexes) -> _Largest:
+    return lambda sign: _largest(sign * signals, sign * harmonics)
 
 
 def _largest(signals: Floats, harmonics: Complexes) -> Floats:
