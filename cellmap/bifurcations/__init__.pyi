@@ -4,7 +4,6 @@ from .atlas_record import AttractorAtlas as AttractorAtlas
 from .atlas_record import AttractorFamily as AttractorFamily
 from .bifurcation_curve import BifurcationCurve as BifurcationCurve
 from .bifurcation_curve import continue_bifurcation as continue_bifurcation
-from .born_curves import NewCurve as NewCurve
 from .branch import Bifurcation as Bifurcation
 from .branch import Branch as Branch
 from .branch_search import BranchSearch as BranchSearch
@@ -18,6 +17,7 @@ from .circle_switching import switch_circle as switch_circle
 from .codimension_two import CodimensionTwo as CodimensionTwo
 from .codimension_two_curve import CodimensionTwoCurve as CodimensionTwoCurve
 from .codimension_two_curve import continue_codimension_two as continue_codimension_two
+from .codimension_two_curve import switch_curve as switch_curve
 from .codimension_two_forms import CodimensionTwoForm as CodimensionTwoForm
 from .codimension_two_forms import codimension_two_form as codimension_two_form
 from .connecting_branches import ConnectionBranch as ConnectionBranch
@@ -28,7 +28,6 @@ from .connecting_branches import continue_tangency as continue_tangency
 from .connections import ConnectingOrbit as ConnectingOrbit
 from .connections import connecting_orbits as connecting_orbits
 from .crossings import Crossing as Crossing
-from .curve_switching import switch_curve as switch_curve
 from .diagram import BifurcationDiagram as BifurcationDiagram
 from .diagram import bifurcation_diagram as bifurcation_diagram
 from .equilibrium_stability import Boundary as Boundary
@@ -44,6 +43,7 @@ from .kinds import CodimensionTwoKind as CodimensionTwoKind
 from .normal_forms import Criticality as Criticality
 from .normal_forms import NormalForm as NormalForm
 from .normal_forms import normal_form as normal_form
+from .orbit_births import NewCurve as NewCurve
 from .orbit_continuation import continue_orbit as continue_orbit
 from .orbit_continuation import switch_branch as switch_branch
 from .period_measures import OrbitFunction as OrbitFunction

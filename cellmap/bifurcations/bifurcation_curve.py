@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -14,12 +14,12 @@ from .._lib.records import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, wrap
 from ..maps.point_map import PointMap
-from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, both_ways, corrected, trace
+from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, both_ways, started, trace
 from ..orbits.orbit_equations import OrbitProblem, orbit_problem
 from ..orbits.orbit_kinds import PeriodicOrbit, with_values
 from ..orbits.shooting import ShootingProblem
 from .branch import Bifurcation, Branch
-from .codimension_two import CodimensionTwo, cosine_of_pair, points_on
+from .codimension_two import CodimensionTwo, CodimensionTwoOrbits, cosine_of_pair, points_on
 from .function_zeros import BranchPiece, FunctionOrbits, FunctionZero, zeros_on
 from .intervals import further_parameter, interval_of, limits_of, spans
 from .kinds import BifurcationKind, CodimensionTwoKind
@@ -27,16 +27,43 @@ from .orbit_births import OrbitBirth
 from .period_measures import OrbitFunction, Quantity, measured, turn_of, unwrapped
 from .singular_orbits import SingularOrbits
 
-_BROKEN = "symmetry broken"
+_BROKEN, _MET = "symmetry broken", "multipliers met on the real axis"
 
-CurveProblem = SingularOrbits | FunctionOrbits
-"""Equations of a curve in two parameters."""
+CurveProblem = SingularOrbits | FunctionOrbits | CodimensionTwoOrbits
+"""Equations of a curve in two or three parameters."""
 
 _Located = tuple[tuple[CodimensionTwo, ...], frozenset[CodimensionTwoKind]]
 
 
 @dataclass(frozen=True, eq=False)
-class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
+class ParameterCurve:
+    """Curve of orbits in the space of some parameters, with the equations that it solves."""
+
+    kind: str
+    parameters: tuple[str, ...]
+    values: Floats
+    points: Floats
+    multipliers: Complexes
+    ends: tuple[str, str]
+    _problem: CurveProblem = field(repr=False)
+    _places: tuple[SolutionPoint, ...] = field(repr=False)
+
+    @checked
+    def orbit(self, place: int) -> PeriodicOrbit:
+        """Return the orbit at a point of the curve, by its number, with all parameters in its `params`."""
+        place = whole_number("place", place, at_most=len(self._places) - 1)
+        found = self._problem.orbits.orbit_at(self._places[place].unknowns)
+        return with_values(found, self.parameters, self.values[place])
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.kind}, {len(self.values)} points, {spans(self.parameters, self.values)})"
+
+
+Record = TypeVar("Record", bound=ParameterCurve)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BifurcationCurve(ParameterCurve, ConvertsToXarray, ConvertsToDataFrame):
     """Curve of a bifurcation in the plane of two parameters.
 
     Parameters
@@ -59,12 +86,6 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
 
     kind: BifurcationKind | str
     parameters: tuple[str, str]
-    values: Floats
-    points: Floats
-    multipliers: Complexes
-    ends: tuple[str, str]
-    _problem: CurveProblem = field(repr=False)
-    _places: tuple[SolutionPoint, ...] = field(repr=False)
     zeros: tuple[FunctionZero, ...] = ()
     _kept: list[_Located] = field(default_factory=list, repr=False)
 
@@ -88,13 +109,6 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
         """Return a measure of each orbit over its period, shape (n,); see :meth:`Branch.measure`."""
         found = measured(self.point_map, self.parameters, self.values, self.points, self.period, quantity, measure)
         return found if measure is None else unwrapped(found, turn_of(self.point_map, quantity, measure))
-
-    @checked
-    def orbit(self, place: int) -> PeriodicOrbit:
-        """Return the orbit at a point of the curve, by its number, with all parameters in its `params`."""
-        place = whole_number("place", place, at_most=len(self._places) - 1)
-        found = self._problem.orbits.orbit_at(self._places[place].unknowns)
-        return with_values(found, self.parameters, self.values[place])
 
     @checked
     def with_zeros(self, functions: Mapping[str, Quantity | OrbitFunction]) -> BifurcationCurve:
@@ -134,9 +148,6 @@ class BifurcationCurve(ConvertsToXarray, ConvertsToDataFrame):
         if not self._kept:
             self._kept.append(points_on(self._problem, self.parameters, self._places, progress))
         return self._kept[0]
-
-    def __repr__(self) -> str:
-        return f"BifurcationCurve({self.kind}, {len(self.values)} points, {spans(self.parameters, self.values)})"
 
 
 @checked
@@ -235,43 +246,40 @@ def continue_bifurcation(
         problem = FunctionOrbits.at(orbits, names, bifurcation, unknowns)
     else:
         problem = SingularOrbits(orbits, bifurcation.kind, unknowns)
-    start = corrected(problem, unknowns, np.linalg.svd(problem(unknowns)[1])[2][-1])
+    start = started(problem, unknowns)
     if start is None:
         raise ValueError(f"bifurcation={bifurcation!r}: it is not found again with both parameters free")
     tracer = CurveTracer(problem, names, box, *limits_of(step, max_points), progress)
-    curve = tracer.curve(start)
+    curve = tracer.curve(start, BifurcationCurve)
     if _BROKEN in curve.ends and isinstance(problem, SingularOrbits):
         # The centre of the symmetry may move with the parameters.
         moving = problem.with_moving_centre()
-        start = corrected(moving, unknowns, np.linalg.svd(moving(unknowns)[1])[2][-1])
-        other = None if start is None else replace(tracer, problem=moving).curve(start)
+        start = started(moving, unknowns)
+        other = None if start is None else replace(tracer, problem=moving).curve(start, BifurcationCurve)
         curve = curve if other is None or _BROKEN in other.ends else other
     return curve
 
 
 @dataclass(frozen=True, eq=False)
 class CurveTracer:
-    """Tracer of a curve of bifurcations in a rectangle of two parameters."""
+    """Tracer of a curve of bifurcations in a box of two or three parameters."""
 
     problem: CurveProblem
-    names: tuple[str, str]
-    box: tuple[tuple[float, float], tuple[float, float]]
+    names: tuple[str, ...]
+    box: tuple[tuple[float, float], ...]
     longest: float
     most: int
     progress: bool
     birth: OrbitBirth | None = None
 
-    @property
-    def _box(self) -> Box:
-        return Box.of(self.box, self.problem.orbits.scale[self.problem.orbits.states :])
-
     def side(self, start: SolutionPoint) -> tuple[list[SolutionPoint], str]:
         """Trace the curve along the tangent of a point; return the points and the reason why they end."""
         problem, orbits = self.problem, self.problem.orbits
-        label = f"curve of {problem.kind}" if self.progress else None
-        return trace(
-            problem, start, self._box, self.longest, self.most, label, orbits.growing, orbits.circles, self._end
+        label, box = (
+            f"curve of {problem.kind}" if self.progress else None,
+            Box.of(self.box, orbits.scale[orbits.states :]),
         )
+        return trace(problem, start, box, self.longest, self.most, label, orbits.growing, orbits.circles, self._end)
 
     def _end(self, step: ContinuationStep, may_refuse: bool) -> End | Literal["refused"] | None:
         """Return why the curve ends on a step, None where it goes on."""
@@ -281,31 +289,38 @@ class CurveTracer:
             return "refused"
         if why not in ("", "refused"):
             return End(why)
-        if not isinstance(problem, SingularOrbits):
-            return None
-        if problem.has_met(step.end):
-            # The last point is that at which the multipliers meet; a long step may lead to a curve of neutral saddles.
-            real = np.sign(cosine_of_pair(problem.multipliers(step.end)))
+        if isinstance(problem, CodimensionTwoOrbits):
+            if not problem.tests.confirms(problem.kind, step.end):
+                return "refused" if may_refuse else End(_MET)
+            problem = problem.bifurcation
+        elif isinstance(problem, SingularOrbits) and problem.has_met(step.end):
+            return self._meeting(problem, step, may_refuse)
+        return None if isinstance(problem, FunctionOrbits) or problem.is_symmetric(step.end) else End(_BROKEN)
 
-            def apart(place: SolutionPoint) -> float:
-                return cosine_of_pair(problem.multipliers(place)) - real
+    def _meeting(self, problem: SingularOrbits, step: ContinuationStep, may_refuse: bool) -> End | Literal["refused"]:
+        """End the curve at the last point, that at which the multipliers meet.
 
-            place = step.zero(apart, (apart(step.begin), apart(step.end)))
-            if place is None and may_refuse:
-                return "refused"
-            known = place is not None and step.along(place.unknowns) > 0.0
-            return End("multipliers met on the real axis", place if known else None)
-        return None if problem.is_symmetric(step.end) else End(_BROKEN)
+        A long step may lead to a curve of neutral saddles.
+        """
+        real = np.sign(cosine_of_pair(problem.multipliers(step.end)))
 
-    def curve(self, start: SolutionPoint) -> BifurcationCurve:
+        def apart(place: SolutionPoint) -> float:
+            return cosine_of_pair(problem.multipliers(place)) - real
+
+        place = step.zero(apart, (apart(step.begin), apart(step.end)))
+        if place is None and may_refuse:
+            return "refused"
+        return End(_MET, place if place is not None and step.along(place.unknowns) > 0.0 else None)
+
+    def curve(self, start: SolutionPoint, record: type[Record]) -> Record:
         """Trace the curve on both sides of a point."""
         places, ends = both_ways(self.side, start)
         orbits = self.problem.orbits
-        states = np.array([p.unknowns for p in places]) * orbits.scale
-        return BifurcationCurve(
+        states = np.array([orbits.once(p.unknowns * orbits.scale) for p in places])
+        return record(
             kind=self.problem.kind,
             parameters=self.names,
-            values=np.clip(states[:, orbits.states :], *np.transpose(self.box)),
+            values=np.clip(states[:, orbits.dimension :], *np.transpose(self.box)),
             points=wrap(states[:, : orbits.dimension], orbits.point_map.coordinates),
             multipliers=np.array([self.problem.multipliers(p) for p in places]),
             ends=ends,

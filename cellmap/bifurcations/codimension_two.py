@@ -18,14 +18,15 @@ from ..maps.coordinates import wrap
 from ..maps.multilinear import MultilinearForms
 from ..orbits.arclength import ContinuationStep, SolutionPoint
 from ..orbits.multipliers import multipliers_along, pair_on_circle
+from ..orbits.orbit_equations import OrbitProblem
 from ..orbits.orbit_kinds import PeriodicOrbit
-from .born_curves import NewCurve, born_curves
 from .codimension_two_forms import CodimensionTwoForm, form_of_two
 from .homological import Centre, cycle_matrix
 from .intervals import place_of
 from .kinds import BifurcationKind, CodimensionTwoKind
 from .located_forms import Tensors, forms_along
 from .normal_forms import Reduction, coefficient
+from .orbit_births import NewCurve, born_curves
 from .singular_orbits import SingularOrbits
 
 _CONVERGED = 1e-12  # last step of Newton's method
@@ -377,14 +378,23 @@ class CodimensionTwoOrbits:
     kind: CodimensionTwoKind
 
     @property
+    def orbits(self) -> OrbitProblem:
+        """Equations of the orbits."""
+        return self.bifurcation.orbits
+
+    @property
     def tests(self) -> _Tests:
         """The test functions."""
         return _Tests(self.bifurcation)
 
+    def multipliers(self, place: SolutionPoint) -> Complexes:
+        """Return the multipliers, by decreasing modulus."""
+        return self.bifurcation.multipliers(place)
+
     def __call__(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Return residuals (n d + 2,) and their derivatives (n d + 2, n d + m) at unknowns (n d + m,)."""
         double, count = self.kind is CodimensionTwoKind.DOUBLE_NEIMARK_SACKER, len(unknowns)
-        residual, slopes = (self.bifurcation.orbits if double else self.bifurcation)(unknowns)
+        residual, slopes = (self.orbits if double else self.bifurcation)(unknowns)
         if np.isfinite(slopes).all():
             along = np.linalg.svd(slopes)[2][len(slopes) :]
             k = len(along)
@@ -398,7 +408,7 @@ class CodimensionTwoOrbits:
             sizes = np.linalg.norm(changes, axis=1)
             if (sizes > 0.0).all():
                 return np.append(residual, found[0] / sizes), np.vstack([slopes, changes / sizes[:, None]])
-        rows = self.bifurcation.orbits.states + 2
+        rows = self.orbits.states + 2
         return np.full(rows, np.nan), np.full((rows, count), np.nan)
 
 

@@ -73,6 +73,12 @@ def corrected(problem: Problem, guess: Floats, normal: Floats) -> SolutionPoint 
     return None
 
 
+def started(problem: Problem, guess: Floats) -> SolutionPoint | None:
+    """Return the solution near a guess on a curve whose direction is not known; None where it is not found."""
+    slopes = problem(guess)[1]
+    return corrected(problem, guess, np.linalg.svd(slopes)[2][-1]) if np.isfinite(slopes).all() else None
+
+
 def tangent_of(derivatives: Floats, along: Floats) -> Floats | None:
     """Return the unit vector that the derivatives (n, n + 1) map to zero, pointing along another."""
     try:
