@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -155,24 +155,16 @@ class BoxSet:
 
     def neighbours(self) -> BoxSet:
         """Return the boxes outside the set that share a face, an edge or a corner with it."""
-        around = self._around()
-        return BoxSet(self.grid, around[around >= 0]) - self
+        around = [there for _, there in neighbours_of(self.grid, self.keys)]
+        return BoxSet(self.grid, np.concatenate(around)) - self
 
     def touching(self) -> tuple[Ints, Ints]:
         """Return all pairs of boxes of the set that share at least a corner, as indices into `keys`."""
-        others = self.indices(self._around())
-        which, _ = pairs = np.nonzero(others >= 0)
-        touched = others[pairs]
-        return which[which != touched], touched[which != touched]
-
-    def _around(self) -> Ints:
-        """Return the numbers of the 3**dimension boxes around each box, shape (n, 3**dimension), -1 outside."""
-        d, shape = self.grid.dimension, np.array(self.grid.shape)
-        claim_memory(f"neighbours of {len(self):,} boxes", 3**d * 8 * (d + 2) * len(self), "take fewer boxes")
-        around = self.places[:, None, :] + np.array(list(itertools.product((-1, 0, 1), repeat=d)))
-        around = np.where(self.grid.wraps, around % shape, around)
-        inside = ((around >= 0) & (around < shape)).all(axis=-1)
-        return np.where(inside, _numbers(np.where(inside[..., None], around, 0), self.grid.shape), -1)
+        pairs = [(rows, self.indices(there)) for rows, there in neighbours_of(self.grid, self.keys)]
+        which, touched = np.concatenate(pairs, axis=1)
+        order = np.flatnonzero((touched >= 0) & (which != touched))
+        order = order[np.argsort(which[order], kind="stable")]
+        return which[order], touched[order]
 
     def _beside(self, other: BoxSet) -> Ints:
         if not isinstance(other, BoxSet) or other.grid != self.grid:
@@ -181,6 +173,20 @@ class BoxSet:
                 f"the other set has {given!r} and this one {self.grid!r}: boxes of one grid can be compared"
             )
         return other.keys
+
+
+def neighbours_of(grid: CellGrid, cells: Ints) -> Iterator[tuple[Ints, Ints]]:
+    """Yield, for each direction to a cell that shares a corner, the cells by their places, and their neighbours."""
+    index = np.stack(np.unravel_index(cells, grid.shape))
+    shape, wraps = np.array(grid.shape)[:, None], np.array(grid.wraps)[:, None]
+    claim_memory(f"neighbours of {len(cells):,} boxes", 8 * (3**grid.dimension + 2) * len(cells), "take fewer boxes")
+    for step in itertools.product((-1, 0, 1), repeat=grid.dimension):
+        if not any(step):
+            continue
+        moved = index + np.array(step)[:, None]
+        moved = np.where(wraps, moved % shape, moved)
+        inside = ((moved >= 0) & (moved < shape)).all(axis=0)
+        yield np.flatnonzero(inside), np.ravel_multi_index(tuple(moved[:, inside]), grid.shape)
 
 
 def distinct(keys: Ints) -> Ints:

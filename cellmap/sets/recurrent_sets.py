@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost, Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind, sort_key
+from .box_set import BoxSet, neighbours_of
 from .cell_images import DIVERGED, LEFT, cells_of, centres_of, label_of_no_image
 
 _REPRESENTATIVES = 8  # cells of a set that are followed
@@ -68,7 +68,7 @@ def adjacent_sets(
         return (), np.empty(0, np.int64)
     order = np.argsort(cells, kind="stable")
     cells, owners, images, weights = cells[order], owners[order], images[order], weights[order]
-    touching = _touching(grid, cells)
+    touching = np.stack(BoxSet(grid, cells).touching())
     cluster = _joined(len(cells), touching)
     first = np.unique(owners, return_index=True)[1]
     pairs = [touching, np.stack([first[owners], np.arange(len(cells))])] + ([] if alike is None else [first[alike]])
@@ -99,7 +99,7 @@ def exchanging_sets(grid: CellGrid, cells: Ints, owners: Ints, ends: Ints) -> In
 
     if not len(cells):
         return np.empty((2, 0), np.int64)
-    moves = np.concatenate([(owners[rows], ends[there]) for rows, there in _neighbours(grid, cells)], axis=1)
+    moves = np.concatenate([(owners[rows], ends[there]) for rows, there in neighbours_of(grid, cells)], axis=1)
     origin, end = moves[:, moves[1] >= 0]
     count = int(owners.max()) + 1
     graph = coo_array((np.ones(len(origin), np.int8), (origin, end)), shape=(count, count))
@@ -143,29 +143,6 @@ def _representatives(cells: Ints, owners: Ints) -> Ints:
     sizes = np.bincount(owners)
     ranks = np.arange(_REPRESENTATIVES) * sizes[:, None] // _REPRESENTATIVES
     return np.asarray(cells[order[(np.cumsum(sizes) - sizes)[:, None] + ranks]])
-
-
-def _neighbours(grid: CellGrid, cells: Ints) -> Iterator[tuple[Ints, Ints]]:
-    """Yield, for each direction to a cell that shares a corner, the cells by their places, and their neighbours."""
-    index = np.stack(np.unravel_index(cells, grid.shape))
-    shape, wraps = np.array(grid.shape)[:, None], np.array(grid.wraps)[:, None]
-    for step in itertools.product((-1, 0, 1), repeat=grid.dimension):
-        if not any(step):
-            continue
-        moved = index + np.array(step)[:, None]
-        moved = np.where(wraps, moved % shape, moved)
-        inside = ((moved >= 0) & (moved < shape)).all(axis=0)
-        yield np.flatnonzero(inside), np.ravel_multi_index(tuple(moved[:, inside]), grid.shape)
-
-
-def _touching(grid: CellGrid, cells: Ints) -> Ints:
-    """Return pairs of places in a sorted list of cells whose cells share a corner, shape (2, pairs)."""
-    pairs = [np.empty((2, 0), np.int64)]
-    for rows, there in _neighbours(grid, cells):
-        place = np.minimum(np.searchsorted(cells, there), len(cells) - 1)
-        known = cells[place] == there
-        pairs.append(np.stack([rows[known], place[known]]))
-    return np.concatenate(pairs, axis=1)
 
 
 def _joined(count: int, pairs: Ints) -> Ints:

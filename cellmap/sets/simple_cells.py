@@ -22,7 +22,6 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
 from .cell_images import DIVERGED, LEFT, cells_of, centres_of, check_map_and_grid, images_of, warn_of_inaccurate
 from .recurrent_sets import adjacent_sets, basins_from_cells, ends_of_sets, exchanging_sets, refined_sets
-from .windows import overlap, places_in
 
 _UNKNOWN = -3
 
@@ -156,7 +155,7 @@ class CellMapping:
         ValueError
             For a window that does not contain this one, or cells that do not continue its cells.
         """
-        return _assembled([self], grid.on(self.point_map.coordinates), progress)
+        return _assembled(self.point_map, grid.on(self.point_map.coordinates), self.periods, [self], progress)
 
     @checked
     def join(self, other: CellMapping) -> CellMapping:
@@ -181,13 +180,13 @@ class CellMapping:
         lower, upper = np.minimum(a.lower, b.lower), np.maximum(a.upper, b.upper)
         shape = np.round((upper - lower) / a.widths).astype(np.int64)
         grid = CellGrid(tuple(lower), tuple(upper), tuple(shape)).on(self.point_map.coordinates)
-        covered = a.size + b.size - overlap(a, b)
+        covered = a.size + b.size - _overlap(a, b)
         if covered < grid.size:
             raise ValueError(
                 f"other covers {b.lower} to {b.upper}, which makes no box with {a.lower} to {a.upper}: "
                 f"{grid.size - covered:,} cells are missing; use extend, which maps them"
             )
-        return _assembled([self, other], grid, False)
+        return _assembled(self.point_map, grid, self.periods, [self, other], False)
 
 
 @checked
@@ -243,58 +242,42 @@ def simple_cell_mapping(point_map: PointMap, grid: CellGrid, periods: int = 1, p
     """
     grid = check_map_and_grid(point_map, grid)
     periods = whole_number("periods", periods, at_least=1)
+    return _assembled(point_map, grid, periods, [], progress)
+
+
+def _assembled(
+    point_map: PointMap, grid: CellGrid, periods: int, parts: Sequence[CellMapping], progress: bool
+) -> CellMapping:
+    """Return the mapping of a window from those of its parts; cells that are in none of them are mapped."""
     began = time.perf_counter()
-    _claim(grid)
-    images, cells, points, inaccurate = _mapped(point_map, grid, range(grid.size), periods, progress)
-    warn_of_inaccurate(inaccurate, grid.size)
-    return _unravelled(
-        point_map, grid, periods, images, (cells, points), inaccurate, Cost(0.0, grid.size * periods), began
-    )
-
-
-def _claim(grid: CellGrid) -> None:
+    places = [_places_in(part.grid, grid) for part in parts]
     claim_memory(f"a cell mapping of {grid.size:,} cells", (36 + 8 * grid.dimension) * grid.size, "take fewer cells")
-
-
-_Rows = range | Ints
-_Strays = tuple[Ints, Floats]
-
-
-def _mapped(
-    point_map: PointMap, grid: CellGrid, rows: _Rows, periods: int, progress: bool
-) -> tuple[Ints, Ints, Floats, int]:
-    """Return the images of some cells, those among the cells that stray, the points to which these go, and a count."""
-    images = np.empty(len(rows), np.int64)
-    parts = slices(len(rows), CHUNK)
-    strays: dict[int, _Strays] = {}
-    missed = np.zeros(len(parts), np.int64)
+    images = np.full(grid.size, _UNKNOWN, np.int64)
+    for part, place in zip(parts, places, strict=True):
+        old = part.images.ravel()
+        images[place] = np.where(old >= 0, place[old], old)
+    missing: range | Ints = np.flatnonzero(images == _UNKNOWN) if parts else range(grid.size)
+    pieces = slices(len(missing), CHUNK)
+    none = np.empty(0, np.int64), np.empty((0, grid.dimension))
+    strays = [none] * (len(pieces) + 1)
+    missed = np.zeros(len(pieces), np.int64)
 
     def work(number: int) -> None:
-        mine = np.asarray(rows[parts[number]])
+        mine = np.asarray(missing[pieces[number]])
         orbits = images_of(point_map, centres_of(grid, mine), periods)
-        found = cells_of(point_map, grid, orbits)
-        images[parts[number]] = found
+        images[mine] = found = cells_of(point_map, grid, orbits)
         astray = np.flatnonzero((found == LEFT) & np.isfinite(orbits.points).all(axis=-1))
         strays[number] = mine[astray], orbits.points[astray]
         missed[number] = np.count_nonzero(orbits.status == Status.INACCURATE)
 
-    run_over(range(len(parts)), work, f"mapping cells of {point_map.name}" if progress else None)
-    cells = np.concatenate([np.empty(0, np.int64), *(strays[k][0] for k in range(len(parts)))])
-    points = np.concatenate([np.empty((0, grid.dimension)), *(strays[k][1] for k in range(len(parts)))])
-    return images, cells, points, int(missed.sum())
-
-
-def _unravelled(
-    point_map: PointMap,
-    grid: CellGrid,
-    periods: int,
-    images: Ints,
-    strays: _Strays,
-    inaccurate: int,
-    cost: Cost,
-    began: float,
-) -> CellMapping:
-    """Return a mapping with the groups that follow from the images of all cells."""
+    run_over(range(len(pieces)), work, f"mapping cells of {point_map.name}" if progress else None)
+    warn_of_inaccurate(int(missed.sum()), len(missing))
+    known = [(place[part.stray_cells], part.stray_images) for part, place in zip(parts, places, strict=True)]
+    cells, points = (np.concatenate(column) for column in zip(*known, *strays, strict=True))
+    cells, first = np.unique(cells, return_index=True)
+    points = points[first]
+    images[cells] = cells_of(point_map, grid, Orbits.starting(points.copy()))
+    outside = images[cells] == LEFT
     kind = np.dtype(np.int32 if grid.size < 2**31 else np.int64)
     groups, steps, group_periods = (np.empty(grid.size, kind) for _ in range(3))
     count = unravel(images, groups, steps, group_periods)
@@ -306,37 +289,14 @@ def _unravelled(
         grid=grid,
         periods=periods,
         point_map=point_map,
-        stray_cells=strays[0],
-        stray_images=strays[1],
-        inaccurate=inaccurate,
-        cost=Cost(cost.seconds + time.perf_counter() - began, cost.steps),
+        stray_cells=cells[outside],
+        stray_images=points[outside],
+        inaccurate=sum(part.inaccurate for part in parts) + int(missed.sum()),
+        cost=Cost(
+            sum(part.cost.seconds for part in parts) + time.perf_counter() - began,
+            sum(part.cost.steps for part in parts) + len(missing) * periods,
+        ),
     )
-
-
-def _assembled(parts: Sequence[CellMapping], grid: CellGrid, progress: bool) -> CellMapping:
-    """Return the mapping of a window from those of its parts; cells that are in none of them are mapped."""
-    began = time.perf_counter()
-    point_map, periods = parts[0].point_map, parts[0].periods
-    places = [places_in(part.grid, grid) for part in parts]
-    _claim(grid)
-    images = np.full(grid.size, _UNKNOWN, np.int64)
-    cells, points = [np.empty(0, np.int64)], [np.empty((0, grid.dimension))]
-    for part, place in zip(parts, places, strict=True):
-        old = part.images.ravel()
-        images[place] = np.where(old >= 0, place[old], old)
-        cells.append(place[part.stray_cells])
-        points.append(part.stray_images)
-    missing = np.flatnonzero(images == _UNKNOWN)
-    images[missing], strayed, astray, inaccurate = _mapped(point_map, grid, missing, periods, progress)
-    rows, first = np.unique(np.concatenate([*cells, strayed]), return_index=True)
-    ends = np.concatenate([*points, astray])[first]
-    found = cells_of(point_map, grid, Orbits.starting(ends.copy()))
-    images[rows] = found
-    still = found == LEFT
-    warn_of_inaccurate(inaccurate, len(missing))
-    cost = Cost(sum(p.cost.seconds for p in parts), sum(p.cost.steps for p in parts) + len(missing) * periods)
-    total = sum(p.inaccurate for p in parts) + inaccurate
-    return _unravelled(point_map, grid, periods, images, (rows[still], ends[still]), total, cost, began)
 
 
 def _check_same_map(a: CellMapping, b: CellMapping) -> None:
@@ -349,3 +309,37 @@ def _check_same_map(a: CellMapping, b: CellMapping) -> None:
         raise ValueError(f"other is a mapping of {b.point_map!r}, and this one of {a.point_map!r}: map both by one map")
     if a.periods != b.periods:
         raise ValueError(f"other takes {b.periods} periods in a step, and this mapping {a.periods}: take as many")
+
+
+def _cells_before(inner: CellGrid, outer: CellGrid) -> Ints:
+    """Return how many cells of one grid are before another one along each axis."""
+    if not np.allclose(inner.widths, outer.widths, rtol=1e-9, atol=0.0):
+        raise ValueError(
+            f"grid={outer!r}: cells of widths {outer.widths} do not continue cells of widths {inner.widths}: give a "
+            "window of whole cells more"
+        )
+    before = (np.array(inner.lower) - np.array(outer.lower)) / outer.widths
+    if (np.abs(before - np.round(before)) > 1e-6).any():
+        raise ValueError(
+            f"the corner {outer.lower} is {before} cells from {inner.lower}: give a corner that is whole cells away"
+        )
+    return np.round(before).astype(np.int64)
+
+
+def _places_in(inner: CellGrid, outer: CellGrid) -> Ints:
+    """Return the flat numbers that the cells of a grid have in a wider one."""
+    before = _cells_before(inner, outer)
+    if (before < 0).any() or (before + inner.shape > outer.shape).any():
+        raise ValueError(
+            f"the window {outer.lower} to {outer.upper} does not contain {inner.lower} to {inner.upper}: widen it"
+        )
+    axes = [np.arange(n) + k for n, k in zip(inner.shape, before, strict=True)]
+    return np.asarray(np.ravel_multi_index(np.ix_(*axes), outer.shape).ravel(), dtype=np.int64)
+
+
+def _overlap(a: CellGrid, b: CellGrid) -> int:
+    """Count the cells that two grids have in common."""
+    before = _cells_before(b, a)
+    low = np.maximum(before, 0)
+    high = np.minimum(before + b.shape, a.shape)
+    return int(np.prod(np.maximum(high - low, 0), dtype=object))
