@@ -117,9 +117,14 @@ def turns_of(coordinates: Sequence[Coordinate]) -> tuple[Floats, Floats]:
     return lower, turn
 
 
-def state_points(name: str, points: ArrayLike, coordinates: Sequence[Coordinate]) -> Floats:
-    """Return states as a new C-contiguous array of shape (..., dimension), all finite, and each angle with a phase."""
+def state_points(name: str, points: ArrayLike, coordinates: Sequence[Coordinate], some: bool = False) -> Floats:
+    """Return states as a new C-contiguous array of shape (..., dimension), all finite, and each angle with a phase.
+
+    Where there have to be `some`, none are an error.
+    """
     states = finite_points(name, points, len(coordinates))
+    if some and not states.size:
+        raise ValueError(f"{name} is empty: give at least one initial condition")
     for j, c in enumerate(coordinates):
         if c.period is None or not states.size:
             continue

@@ -1,7 +1,7 @@
-from .alignment import alignment_test as alignment_test
 from .attractor import Attractor as Attractor
 from .attractor import Kind as Kind
 from .chaos_tests import ChaosTest as ChaosTest
+from .chaos_tests import alignment_test as alignment_test
 from .chaos_tests import exponent_test as exponent_test
 from .covariant import CovariantVectors as CovariantVectors
 from .covariant import covariant_vectors as covariant_vectors

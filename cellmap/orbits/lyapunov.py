@@ -196,14 +196,12 @@ def lyapunov_spectrum(
     array([[ 0.9624, -0.9624]])
     """
     exact = point_map.without_table
-    points = state_points("initial_conditions", initial_conditions, exact.coordinates)
+    points = state_points("initial_conditions", initial_conditions, exact.coordinates, some=True)
     periods = whole_number("periods", periods, at_least=GROUPS)
     transient = whole_number("transient", transient)
     shape, d = points.shape[:-1], exact.dimension
     states = points.reshape(-1, d)
     n = len(states)
-    if not n:
-        raise ValueError("initial_conditions is empty: give at least one initial condition")
     steps = np.linspace(0, periods, min(periods, STRETCHES) + 1).round().astype(np.int64)[1:]
     claim_memory(f"growth along {n:,} orbits", 8 * n * d * (len(steps) + d + 4), "take fewer initial conditions")
     growth = np.empty((len(steps), n, d))

@@ -75,9 +75,7 @@ def zero_one_test(
     >>> zero_one_test(logistic, [0.3])
     ChaosTest(K over 2000 periods: 1 chaotic)
     """
-    points = state_points("initial_conditions", initial_conditions, point_map.coordinates)
-    if not points.size:
-        raise ValueError("initial_conditions is empty: give at least one initial condition")
+    points = state_points("initial_conditions", initial_conditions, point_map.coordinates, some=True)
     periods = whole_number("periods", periods, at_least=200)
     begin = point_map.iterate(points, whole_number("transient", transient))
     ended = begin.status >= Status.ESCAPED

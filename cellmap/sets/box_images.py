@@ -159,11 +159,7 @@ def _hits(boxes: BoxSet, point_map: PointMap, samples: Samples, steps: int) -> l
 
 
 def check_boxes(boxes: BoxSet, point_map: PointMap) -> None:
-    """Refuse what is not a set of boxes in the space of the map."""
-    if not isinstance(boxes, BoxSet):
-        raise TypeError(f"boxes={boxes!r}: give a BoxSet")
-    if not isinstance(point_map, PointMap):
-        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
+    """Refuse boxes that are not in the space of the map."""
     if boxes.grid.on(point_map.coordinates, "boxes") != boxes.grid:
         raise ValueError(
             f"boxes do not wrap as the angles of {point_map!r} do: give them grid.on(point_map.coordinates)"

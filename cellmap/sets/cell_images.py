@@ -24,15 +24,6 @@ Kick = Callable[[int], Floats]
 """Returns the noise that is added to n points in one period, shape (n, dimension)."""
 
 
-def check_map_and_grid(point_map: PointMap, grid: CellGrid) -> CellGrid:
-    """Refuse what is no map or no grid; return the grid with its wrapping set."""
-    if not isinstance(point_map, PointMap):
-        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
-    if not isinstance(grid, CellGrid):
-        raise TypeError(f"grid={grid!r}: give a CellGrid, whose cells are mapped")
-    return grid.on(point_map.coordinates)
-
-
 def centres_of(grid: CellGrid, cells: Ints) -> Floats:
     """Return the centres of some cells, shape (n, dimension)."""
     return grid_points([grid.axis(j) for j in range(grid.dimension)], cells)

@@ -19,7 +19,7 @@ from ..maps.orbit_batch import CHUNK, Cost, Status
 from ..maps.point_map import PointMap
 from .box_images import middles, tallied
 from .cell_chain import CellChain
-from .cell_images import DIVERGED, LEFT, cells_of, centres_of, check_map_and_grid, images_of, warn_of_inaccurate
+from .cell_images import DIVERGED, LEFT, cells_of, centres_of, images_of, warn_of_inaccurate
 from .markov import Sparse, components_of
 
 Noise = Callable[[np.random.Generator, int], Floats]
@@ -96,7 +96,7 @@ def generalized_cell_mapping(
     >>> [f.fraction for f in chain.basins().fractions.values()]
     [0.467, 0.467, 0.0667]
     """
-    grid = check_map_and_grid(point_map, grid)
+    grid = grid.on(point_map.coordinates)
     samples = _checked_samples((5,) * grid.dimension if samples is None else samples, grid)
     periods = whole_number("periods", periods, at_least=1)
     kick = _checked_noise(noise, grid)

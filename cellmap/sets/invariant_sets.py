@@ -165,12 +165,8 @@ def subdivide(
 
 def boxes_to_begin_with(point_map: PointMap, window: CellGrid | BoxSet) -> BoxSet:
     """Return the boxes of a window, wrapping where the map does."""
-    if not isinstance(point_map, PointMap):
-        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
     if isinstance(window, BoxSet):
         return BoxSet(window.grid.on(point_map.coordinates, "region"), window.keys)
-    if not isinstance(window, CellGrid):
-        raise TypeError(f"region={window!r}: give a CellGrid, or a BoxSet to begin with")
     return BoxSet.full(window.on(point_map.coordinates, "region"))
 
 

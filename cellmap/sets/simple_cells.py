@@ -20,7 +20,7 @@ from ..maps.grid import CellGrid
 from ..maps.orbit_batch import CHUNK, Cost, Orbits, Status
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
-from .cell_images import DIVERGED, LEFT, cells_of, centres_of, check_map_and_grid, images_of, warn_of_inaccurate
+from .cell_images import DIVERGED, LEFT, cells_of, centres_of, images_of, warn_of_inaccurate
 from .recurrent_sets import adjacent_sets, basins_from_cells, ends_of_sets, exchanging_sets, refined_sets
 
 _UNKNOWN = -3
@@ -173,8 +173,6 @@ class CellMapping:
         ValueError
             For mappings that do not fit together, or windows with a gap or corners between them.
         """
-        if not isinstance(other, CellMapping):
-            raise TypeError(f"other={other!r}: give a CellMapping, as simple_cell_mapping returns it")
         _check_same_map(self, other)
         a, b = self.grid, other.grid
         lower, upper = np.minimum(a.lower, b.lower), np.maximum(a.upper, b.upper)
@@ -240,7 +238,7 @@ def simple_cell_mapping(point_map: PointMap, grid: CellGrid, periods: int = 1, p
     >>> mapping.basins().fractions[0].fraction
     1.0
     """
-    grid = check_map_and_grid(point_map, grid)
+    grid = grid.on(point_map.coordinates)
     periods = whole_number("periods", periods, at_least=1)
     return _assembled(point_map, grid, periods, [], progress)
 

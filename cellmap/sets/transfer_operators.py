@@ -289,7 +289,7 @@ def transfer_operator(boxes: BoxSet, point_map: PointMap, samples: int = 8, peri
     >>> bool(np.allclose(operator.density, 1.0))
     True
     """
-    if not isinstance(boxes, BoxSet) or not len(boxes):
+    if not len(boxes):
         raise ValueError(f"boxes={boxes!r}: give a BoxSet of at least one box")
     number = points_in(samples, boxes.grid.dimension)
     counts = box_transitions(boxes, point_map, samples, periods)

@@ -100,10 +100,6 @@ class Restraint:
 
 def restraint(point_map: PointMap, region: CellGrid, attractors: Sequence[Attractor] = ()) -> Restraint:
     """Return a region less the neighbourhoods of some attractors."""
-    if not isinstance(point_map, PointMap):
-        raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
-    if not isinstance(region, CellGrid):
-        raise TypeError(f"region={region!r}: give a CellGrid")
     check_attractors(attractors, point_map, "attractors")
     return Restraint(
         point_map, region.on(point_map.coordinates, "region"), tuple(attractors), Catalogue.of(attractors, point_map)
