@@ -18,8 +18,10 @@ from .matching import attractor_distance
 from .quasiperiodic import quasiperiodic_attractors
 from .search import check_attractors, neighbourhood_of, region_extent
 from .settling import Catalogue
+from .trapping import extent_of_motion
 
 _FOLLOWED = 256  # periods in which an orbit comes to the invariant curve in the place of another
+_BESIDE = 64  # orbits that begin around each of others, in a box of the extent, and show how far orbits go
 _REACH = 0.1  # of the extent: an orbit that is found farther away is another one
 
 
@@ -98,9 +100,14 @@ def with_regions(point_map: PointMap, orbits: Mapping[int, Attractor], extent: F
     """Return those orbits that have a verified region, with it, by the numbers that they have."""
 
     def grow(k: int) -> None:
-        regions[k] = neighbourhood_of(point_map, orbits[k], extent)
+        regions[k] = neighbourhood_of(point_map, orbits[k], motion)
 
     regions: dict[int, Neighbourhood | None] = {}
+    if not orbits:
+        return {}
+    beside = extent * np.random.default_rng(0).uniform(-0.5, 0.5, (_BESIDE, point_map.dimension))
+    around = np.concatenate([orbit.points[0] + beside for orbit in orbits.values()])
+    motion = extent_of_motion(point_map, around, extent)
     run_over(list(orbits), grow)
     found: dict[int, Attractor] = {}
     for k, orbit in orbits.items():

@@ -10,6 +10,7 @@ from .._lib.arrays import Bools, Floats, Ints
 from ..maps.coordinates import Coordinate, difference
 from ..maps.point_map import PointMap
 from ..orbits.newton import newton, resolution, return_distances
+from .trapping import extent_of_motion
 
 
 @dataclass(eq=False)
@@ -18,7 +19,7 @@ class Examined:
 
     ``points``: periodic points that belong to no attractor; ``ends``: what became of guesses, by their bits and period;
     ``distances``: how close the ends of the last look have come back to themselves, by their bits; ``lines``: points of
-    segments of periodic points that do not attract.
+    segments of periodic points that do not attract; ``begun``: where orbits began.
     """
 
     coordinates: tuple[Coordinate, ...]
@@ -27,11 +28,19 @@ class Examined:
     ends: dict[tuple[bytes, int], Floats | None]
     distances: dict[bytes, Floats] = field(default_factory=dict)
     lines: list[Floats] = field(default_factory=list)
+    begun: Floats | None = None
+    _motion: Floats | None = None
 
     @classmethod
-    def nothing_yet(cls, point_map: PointMap, extent: Floats) -> Examined:
-        """Begin a search in a region of some extent."""
-        return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)), {})
+    def nothing_yet(cls, point_map: PointMap, extent: Floats, states: Floats | None = None) -> Examined:
+        """Begin a search in a region of some extent, from some states."""
+        return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)), {}, begun=states)
+
+    def motion(self, point_map: PointMap) -> Floats:
+        """Return the extent of the motion, of which trapping regions take a quarter at most."""
+        if self._motion is None:
+            self._motion = self.extent if self.begun is None else extent_of_motion(point_map, self.begun, self.extent)
+        return self._motion
 
     def __contains__(self, point: Floats) -> bool:
         apart = np.abs(difference(self.points, point, self.coordinates))

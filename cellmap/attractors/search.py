@@ -94,9 +94,8 @@ def find_attractors(
     max_periods = whole_number("max_periods", max_periods, at_least=1)
     longest_period = affordable_period(longest_period)
     extent = region_extent(point_map, states)
-    found = search(
-        point_map, states, attractors, max_periods, longest_period, extent, Examined.nothing_yet(point_map, extent)
-    )
+    examined = Examined.nothing_yet(point_map, extent, states)
+    found = search(point_map, states, attractors, max_periods, longest_period, extent, examined)
     attractors, reasons = found.attractors, tuple[Reason, ...]()
     if len(found.orbits):
         examination = found.examined(point_map, states, extent)
@@ -266,7 +265,8 @@ def new_attractors(
             if orbit is not None and _belongs(orbit, [*known, *found], point_map):
                 examined.refuse(orbit.points)
                 continue
-            neighbourhood = None if orbit is None else neighbourhood_of(point_map, orbit, extent)
+            motion = examined.motion(point_map)
+            neighbourhood = None if orbit is None else neighbourhood_of(point_map, orbit, motion)
             if orbit is None or neighbourhood is None:
                 examined.refuse(solutions[i : i + 1] if orbit is None else orbit.points)
             else:
@@ -317,7 +317,7 @@ def verified_cycles(
             continue
         if _belongs(orbit, [*known, *attractors], point_map):
             continue
-        neighbourhood = neighbourhood_of(point_map, orbit, extent)
+        neighbourhood = neighbourhood_of(point_map, orbit, examined.motion(point_map))
         if neighbourhood is None:
             examined.refuse(orbit.points)
         else:

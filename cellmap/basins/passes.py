@@ -141,7 +141,7 @@ class Run:
         grid = self.initial_conditions.grid
         corners = chosen if grid is None else np.array([grid.lower, grid.upper])
         extent = region_extent(self.point_map, corners)
-        examined = Examined.nothing_yet(self.point_map, extent)
+        examined = Examined.nothing_yet(self.point_map, extent, chosen)
         now = self.store.resume(examined)
         if now is None:
             small = self.client is None and isinstance(self.store, InMemory)
@@ -189,7 +189,7 @@ class Run:
         """Find attractors from a sample; where that is complete, slow orbits are left to labelling."""
         own = region_extent(self.point_map, chosen)
         if not np.array_equal(own, examined.extent):
-            examined = Examined.nothing_yet(self.point_map, own)
+            examined = Examined.nothing_yet(self.point_map, own, chosen)
         periods = self.max_periods if to_the_end else min(_PATIENCE, self.max_periods)
         with heeding(self.stop):
             found = search(self.point_map, chosen, known, periods, self.longest_period, own, examined, self.stop)

@@ -15,13 +15,16 @@ from cellmap import (
     CellGrid,
     ForcedSystem,
     PointMap,
+    angle,
     discrete_map,
     find_attractors,
     find_basins,
+    interpolated_map,
     stroboscopic_map,
 )
 from cellmap._compiled.codegen.rebind import rebind
-from cellmap.attractors.trapping import _COARSE_AHEAD, trapping_neighbourhood
+from cellmap.attractors import continue_attractors
+from cellmap.attractors.trapping import _COARSE_AHEAD, extent_of_motion, trapping_neighbourhood
 from cellmap.maps import side_by_side
 from cellmap.maps.coordinates import difference
 from cellmap.orbits.newton import stable_orbit
@@ -310,3 +313,45 @@ def test_a_superstable_cycle() -> None:
     basins = find_basins(exact, CellGrid((-2.4,), (2.4,), (97,)))
     assert [a.period for a in basins.attractors] == [2]
     assert basins.verify(200).wrong == 0
+
+
+SLICED = {
+    "pendulum": (systems.driven_pendulum, ((-pi, -400.0), (pi, 400.0)), (24, 24), (-pi, -1e-3), (pi, 1e-3)),
+    "tiny window": (systems.two_well_duffing, ((-2.0, -2.0), (2.0, 2.0)), (24, 24), (0.1, 0.1), (0.101,) * 2),
+    "double pendulum": (
+        systems.double_pendulum,
+        ((-pi, -pi, -200.0, -200.0), (pi, pi, 200.0, 200.0)),
+        (3, 3, 3, 3),
+        (-pi, -pi, -1e-3, -1e-3),
+        (pi, pi, 1e-3, 1e-3),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SLICED)
+def test_regions_of_a_slice_are_those_of_the_whole_window(name):
+    """In coordinates that a slice fixes the extent is that of the motion; continued attractors have theirs alike."""
+    make, window, cells, lower, upper = SLICED[name]
+    exact = stroboscopic_map(make())
+    d = exact.dimension
+    whole = find_attractors(exact, CellGrid(*window, cells).centres().reshape(-1, d))
+    grid = CellGrid(lower, upper, tuple(8 if high - low > 1.0 else 1 for low, high in zip(lower, upper, strict=True)))
+    basins = find_basins(exact, grid)
+    extent = np.where(np.subtract(upper, lower) > 1.0, np.subtract(upper, lower), 1.0)
+    ends = exact.iterate(grid.centres().reshape(-1, d), 400).points
+    for k, a in enumerate(basins.attractors):
+        inverse = [np.linalg.inv(b.neighbourhood.metrics) for b in (a, *continue_attractors(exact, [a], extent))]
+        (same,) = (b for b in whole if distance_to_orbit(a, b.points, np.ones(d)).max() < 1e-6)
+        full = np.linalg.det(np.linalg.inv(same.neighbourhood.metrics)).max() ** (0.5 / d)
+        assert min(np.linalg.det(i).max() ** (0.5 / d) for i in inverse) > 0.7 * full
+        assert distance_to_orbit(a, ends[basins.labels.ravel() == k], np.ones(d)).max() < 1e-3
+
+
+def test_extent_of_motion_leaves_out_orbits_that_end_and_angles():
+    """x -> x^2 from (0.5, 3): half of the orbits end; y -> 0.5 y + 10 goes from 0 to 20, an angle round and round."""
+    away = discrete_map(lambda x, p: (x[0] ** 2, 0.5 * x[1] + 10.0, x[2] + 2.0), {}, ("x", "y", angle("a")))
+    states = np.stack([np.linspace(0.5, 3.0, 64), np.zeros(64), np.zeros(64)], axis=-1)
+    extent = extent_of_motion(away, states, np.array([2.5, 1.0, 2 * pi]))
+    assert extent == pytest.approx([2.5, 4 * 20.0 - 3.0, 2 * pi], rel=1e-6)
+    window = CellGrid((0.0, -1.0, -pi), (0.9, 30.0, pi), (8, 8, 8))
+    assert extent_of_motion(interpolated_map(away, window), states, np.ones(3)).tolist() == [1.0, 1.0, 1.0]
