@@ -28,7 +28,7 @@ help:
 	@echo "make test-all     slow tests as well"
 	@echo "make mutants      share of small changes of the code that the tests of the same room notice"
 	@echo "make test-newest  fast tests with the newest packages, in an environment of their own"
-	@echo "make size         lines of code in each subpackage"
+	@echo "make size         lines of code in each subpackage, largest functions, smallest modules"
 	@echo "make check        check-code, check-pins and check-site"
 	@echo "make check-code   format, lint, types, import contracts"
 	@echo "make check-pins   whether all Pythons from $(OLDEST_PYTHON) to $(NEWEST_PYTHON) can install constraints.txt"

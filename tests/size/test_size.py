@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.size.run import code_lines
+from tests.size.run import code_lines, functions
 
 TEXT = '''"""Docstring
 of two lines."""
@@ -29,3 +29,10 @@ def test_docstrings_comments_and_blanks_are_no_code(tmp_path):
     path = tmp_path / "area.py"
     path.write_text(TEXT, encoding="utf-8")
     assert code_lines(path) == len(["import", "def", "return (", "math.pi", "radius", ")", "WIDTH"])
+
+
+def test_functions_count_without_their_docstring(tmp_path):
+    path = tmp_path / "area.py"
+    path.write_text(TEXT, encoding="utf-8")
+    ((lines, arguments, where),) = functions(path)
+    assert (lines, arguments, where.endswith("area.py:7 area")) == (6, 1, True)
