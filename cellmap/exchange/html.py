@@ -45,7 +45,7 @@ def _image_of(record: Any) -> str:
         record = record.basins
     if not isinstance(record, Basins):
         return ""
-    from ..plot._thumbnail import thumbnail
+    from ..plot._basins import thumbnail
 
     png = thumbnail(record)
     if png is None:

@@ -1,15 +1,21 @@
-"""Figures of basins, with matplotlib."""
+"""Figures of basins, of the evidence for labels and of plans, with matplotlib; small images of basins."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from io import BytesIO
 from typing import Any
 
+import matplotlib.image
 import numpy as np
 from matplotlib.axes import Axes
 
 from .._lib.arrays import Floats
 from ..basins.by_features import FeatureBasins
+from ..basins.certification.certificate import Certificate, Evidence
+from ..basins.planning.options import Option
+from ..basins.planning.plans import Plan
 from ..basins.record import Basins
 from ..maps.grid import CellGrid
 from ..orbits.attractor import Kind
@@ -158,3 +164,128 @@ def _across(points: Floats, wide: list[int]) -> tuple[Floats, Floats]:
 
 def _percent(fraction: float) -> str:
     return f"{100 * fraction:.2f} %" if fraction > 0.0005 or fraction == 0 else f"{100 * fraction:.2g} %"
+
+
+EVIDENCE_COLOURS = {
+    Evidence.CELL: (0.90, 0.93, 0.97),
+    Evidence.ORBIT: (0.62, 0.75, 0.88),
+    Evidence.EXACT: (0.98, 0.75, 0.35),
+    Evidence.OPEN: (0.75, 0.15, 0.15),
+}
+_EVIDENCE_NAMES = {
+    Evidence.CELL: "by the cell of the interpolation grid",
+    Evidence.ORBIT: "by the orbit and its error",
+    Evidence.EXACT: "recomputed exactly",
+    Evidence.OPEN: "recomputed, undecided",
+}
+
+
+@figure
+def certificate(certificate: Certificate, *, ax: Axes | None = None) -> Axes:
+    """Draw the evidence for each label of a basin image.
+
+    Parameters
+    ----------
+    certificate : Certificate
+        Certificate of basins on a grid with two axes of more than one cell.
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default those of a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes.
+
+    Raises
+    ------
+    ValueError
+        For basins that are not on a grid with two axes.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, certify, discrete_map, find_basins, interpolated_map, plot
+    >>> exact = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"))
+    >>> grid = CellGrid((-1, -1), (1, 1), (8, 8))
+    >>> plot.certificate(certify(find_basins(interpolated_map(exact, grid), grid))).get_xlabel()
+    'x'
+    """
+    basins = certificate.basins
+    grid = plane_of(basins)
+    ax = axes_or_new(ax, (7.0, 5.5))
+    palette = np.array([EVIDENCE_COLOURS[evidence] for evidence in Evidence])
+    show_cells(ax, palette[np.squeeze(certificate.evidence).T], grid, basins.coordinates)
+    fractions = np.bincount(certificate.evidence.ravel(), minlength=len(Evidence)) / certificate.evidence.size
+    legend_below(ax, [(EVIDENCE_COLOURS[e], f"{_EVIDENCE_NAMES[e]}: {100 * fractions[e]:.3g} %") for e in Evidence])
+    ax.set_title(f"{basins.name}: evidence for labels")
+    return ax
+
+
+@figure
+def plan(plan: Plan, *, ax: Axes | None = None) -> Axes:
+    """Draw the predicted error against the predicted time of all options of a plan, and mark the chosen one.
+
+    Parameters
+    ----------
+    plan : Plan
+        From :func:`plan`.
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default those of a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes: one line for each integration method and for each order of interpolation, from fast and inaccurate to
+        slow and accurate, with hollow markers where memory does not suffice, the requested accuracy and the chosen
+        option.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, discrete_map, plan, plot
+    >>> exact = discrete_map(lambda x, p: (x[0] / 2 + x[0] ** 3 / 9,), {}, ("x",))
+    >>> plot.plan(plan(exact, CellGrid((-1,), (1,), (50,)), accuracy=1e-3)).get_xscale()
+    'log'
+    """
+    ax = axes_or_new(ax, (7.0, 5.0))
+    families: dict[str, list[Option]] = {}
+    for option in plan.options:
+        families.setdefault(option.family, []).append(option)
+    for number, (family, members) in enumerate(families.items()):
+        marker = "s" if members[0].kind == "direct" else "o"
+        colour = f"C{number}"
+        possible = [o for o in members if not o.obstacle]
+        closed = [o for o in members if o.obstacle]
+        name = family if members[0].kind == "direct" else f"interpolated map of {family}"
+        ax.plot(*_costs(possible), marker + "-", color=colour, markersize=4, linewidth=1.0, label=name)
+        ax.plot(*_costs(closed), marker, color=colour, markersize=4, markerfacecolor="none")
+    chosen = plan.chosen
+    ax.plot(*_costs([chosen]), "*", color="black", markersize=14, zorder=3, label=f"chosen: {chosen}")
+    ax.axhline(plan.accuracy, color="0.5", linestyle="--", linewidth=1.0, label=f"requested: {plan.accuracy:.1e}")
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_xlabel("predicted time (s)")
+    ax.set_ylabel("predicted error of one period (99th percentile)")
+    ax.legend(fontsize="small")
+    ax.set_title(f"{plan.job.reference.name}: {plan.measurements.initial_conditions:,} initial conditions")
+    return ax
+
+
+def _costs(options: list[Option]) -> tuple[list[float], list[float]]:
+    return [o.seconds for o in options], [max(o.error, 1e-18) for o in options]
+
+
+_PIXELS = 128  # along the longer side
+
+
+def thumbnail(basins: Basins) -> bytes | None:
+    """Return a PNG of at most 128 x 128 initial conditions, evenly spread; None for basins that are no plane.
+
+    No figure is made, so that those of pyplot stay as they are.
+    """
+    if basins.grid is None or sum(n > 1 for n in basins.grid.shape) != 2:
+        return None
+    few = tuple(slice((n % step) // 2, None, step) for n, step in ((n, -(-n // _PIXELS)) for n in basins.labels.shape))
+    small = replace(basins, labels=basins.labels[few], settling_time=basins.settling_time[few])
+    image = painted(small, label_colours(basins), shade=False)
+    file = BytesIO()
+    matplotlib.image.imsave(file, np.ascontiguousarray(image[::-1]), format="png")
+    return file.getvalue()

@@ -9,7 +9,7 @@ from matplotlib.colors import to_rgb
 
 from cellmap import CellGrid, certify, discrete_map, find_basins, interpolated_map, plot
 from cellmap.basins import Evidence
-from cellmap.plot._certificate import _COLOURS
+from cellmap.plot._basins import EVIDENCE_COLOURS
 
 mpl.use("Agg")
 
@@ -30,7 +30,7 @@ def test_cells_have_the_colours_of_their_evidence(certificate):
     assert len(np.unique(certificate.evidence)) > 1
     for evidence in Evidence:
         places = evidence == certificate.evidence.T
-        assert np.allclose(drawn[places][:, :3], to_rgb(_COLOURS[evidence]), atol=1e-6)
+        assert np.allclose(drawn[places][:, :3], to_rgb(EVIDENCE_COLOURS[evidence]), atol=1e-6)
     assert image.get_extent() == pytest.approx([-1.5, 1.5, -1.0, 1.0])
 
 
@@ -43,4 +43,4 @@ def test_the_legend_counts_the_cells(certificate):
 
 
 def test_colours_are_told_apart():
-    assert len(set(_COLOURS.values())) == len(Evidence)
+    assert len(set(EVIDENCE_COLOURS.values())) == len(Evidence)
