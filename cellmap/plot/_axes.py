@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from math import gcd, isclose, pi
-from typing import Any
+from typing import Any, TypeVar
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.cm import ScalarMappable
 from matplotlib.image import AxesImage
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MultipleLocator
@@ -20,9 +21,13 @@ from .._lib.arrays import Floats
 from .._lib.checks import is_sequence, shown, whole_number
 from ..basins.by_features import FeatureBasins
 from ..basins.record import Basins
+from ..bifurcations.atlas_record import AttractorAtlas
+from ..bifurcations.equilibrium_stability import StabilityMap
 from ..bifurcations.period_measures import PeriodMeasure, Quantity
 from ..maps.coordinates import Coordinate, turns_of
 from ..maps.grid import CellGrid
+
+One = TypeVar("One")
 
 
 def axes_or_new(ax: Axes | None, size: tuple[float, float] | None = None) -> Axes:
@@ -42,18 +47,16 @@ def show_cells(
 ) -> AxesImage:
     """Draw values or colours of cells, rows from bottom to top, over the two axes of a grid that have several."""
     across, up = (j for j, n in enumerate(grid.shape) if n > 1)
-    for axis, j in ((ax.xaxis, across), (ax.yaxis, up)):
-        label_axis(axis, coordinates[j], grid.upper[j] - grid.lower[j])
+    name_axes(ax, [coordinates[j] for j in (across, up)], [grid.upper[j] - grid.lower[j] for j in (across, up)])
     extent = (grid.lower[across], grid.upper[across], grid.lower[up], grid.upper[up])
     return ax.imshow(image, origin="lower", extent=extent, aspect="auto", interpolation="nearest", **style)
 
 
-def legend_below(ax: Axes, names: Iterable[tuple[Any, str]]) -> None:
+def legend_below(ax: Axes, names: Iterable[tuple[Any, str]], height: float = -0.12) -> None:
     """Name colours below the axes."""
     handles = [Patch(facecolor=colour, edgecolor="0.3", label=name) for colour, name in names]
-    ax.legend(
-        handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize="small", frameon=False
-    )
+    style: dict[str, Any] = {"ncols": 2, "fontsize": "small", "frameon": False}
+    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, height), **style)
 
 
 def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:
@@ -62,6 +65,41 @@ def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:
     if coordinate.period is not None and isclose(coordinate.period, 2 * pi) and span >= pi:
         axis.set_major_locator(MultipleLocator(pi / 2 if span <= 2.01 * pi else pi))
         axis.set_major_formatter(FuncFormatter(lambda x, _: multiple_of_pi(x)))
+
+
+def name_axes(ax: Axes, coordinates: Sequence[Coordinate], spans: Sequence[float]) -> None:
+    """Name the axes by the coordinates along them, which have some spans."""
+    for axis, coordinate, span in zip((ax.xaxis, ax.yaxis), coordinates, spans, strict=False):
+        label_axis(axis, coordinate, float(span))
+
+
+def name_plane(ax: Axes, result: AttractorAtlas | StabilityMap) -> None:
+    """Name the axes of two parameters, and let them end with their values."""
+    across, up = result.parameters
+    ax.set(xlabel=across, ylabel=up, xlim=(result.x[0], result.x[-1]), ylim=(result.y[0], result.y[-1]))
+
+
+def colour_bar(ax: Axes, drawn: ScalarMappable, label: str) -> None:
+    """Add the scale of the colours of what is drawn."""
+    assert ax.figure is not None
+    ax.figure.colorbar(drawn, ax=ax, label=label)
+
+
+def several_of(
+    name: str,
+    given: One | Sequence[One],
+    kind: type[One],
+    words: str,
+    same: Callable[[One], object] = type,
+    alike: str = "",
+) -> tuple[One, ...]:
+    """Return an argument that is one record of a kind, or several that have something in common."""
+    several = tuple(given) if isinstance(given, Sequence) else (given,)
+    if not several or not all(isinstance(one, kind) for one in several):
+        raise TypeError(f"{name}={given!r}: give {words}")
+    if any(same(one) != same(several[0]) for one in several):
+        raise ValueError(f"{name}={given!r}: give {alike}")
+    return several
 
 
 def mark_zeros(ax: Axes, zeros: Iterable[tuple[str, Floats]]) -> None:

@@ -19,7 +19,7 @@ from ..basins.planning.plans import Plan
 from ..basins.record import Basins
 from ..maps.grid import CellGrid
 from ..orbits.attractor import Kind
-from ._axes import axes_or_new, label_axis, legend_below, pair_of, plane_of, show_cells
+from ._axes import axes_or_new, label_axis, legend_below, name_axes, pair_of, plane_of, show_cells
 from ._colours import label_colours
 from ._draw import figure
 
@@ -74,7 +74,7 @@ def basins(
     """
     wide = _coordinates_of_axes(basins, plane)
     ax = axes_or_new(ax, (7.0, 5.5))
-    palette = label_colours(basins, colours)
+    palette = label_colours(basins.fractions, colours)
     if basins.grid is None:
         _show_points(ax, basins, palette, wide)
     elif len(wide) == 1:
@@ -110,8 +110,7 @@ def _show_points(ax: Axes, basins: Basins | FeatureBasins, palette: Mapping[int,
     size = float(np.clip(250.0 / np.sqrt(len(labels)), 1.5, 8.0))
     for label, colour in palette.items():
         ax.plot(*_across(points[labels == label], wide), ".", markersize=size, color=colour)
-    for axis, j in zip((ax.xaxis, ax.yaxis), wide, strict=False):
-        label_axis(axis, basins.coordinates[j], float(np.ptp(points[:, j])))
+    name_axes(ax, [basins.coordinates[j] for j in wide], np.ptp(points[:, wide], axis=0).tolist())
     if len(wide) == 1:
         ax.set_yticks([])
 
@@ -260,9 +259,7 @@ def plan(plan: Plan, *, ax: Axes | None = None) -> Axes:
     chosen = plan.chosen
     ax.plot(*_costs([chosen]), "*", color="black", markersize=14, zorder=3, label=f"chosen: {chosen}")
     ax.axhline(plan.accuracy, color="0.5", linestyle="--", linewidth=1.0, label=f"requested: {plan.accuracy:.1e}")
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.set_xlabel("predicted time (s)")
+    ax.set(xscale="log", yscale="log", xlabel="predicted time (s)")
     ax.set_ylabel("predicted error of one period (99th percentile)")
     ax.legend(fontsize="small")
     ax.set_title(f"{plan.job.reference.name}: {plan.measurements.initial_conditions:,} initial conditions")
@@ -285,7 +282,7 @@ def thumbnail(basins: Basins) -> bytes | None:
         return None
     few = tuple(slice((n % step) // 2, None, step) for n, step in ((n, -(-n // _PIXELS)) for n in basins.labels.shape))
     small = replace(basins, labels=basins.labels[few], settling_time=basins.settling_time[few])
-    image = painted(small, label_colours(basins), shade=False)
+    image = painted(small, label_colours(basins.fractions), shade=False)
     file = BytesIO()
     matplotlib.image.imsave(file, np.ascontiguousarray(image[::-1]), format="png")
     return file.getvalue()

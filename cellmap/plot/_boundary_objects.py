@@ -16,7 +16,7 @@ from ..analysis.boundary.saddle_sets import ChaoticSaddle
 from ..basins.record import Basins
 from ..maps.coordinates import Coordinate
 from ..orbits.orbit_kinds import PeriodicOrbit
-from ._axes import axes_or_new, cut_at_branch_cuts, label_axis, pair_of
+from ._axes import axes_or_new, cut_at_branch_cuts, label_axis, name_axes, pair_of, several_of
 from ._basins import basins as draw_basins
 from ._draw import figure
 
@@ -67,12 +67,10 @@ def edge_orbit(
     points = edge.points[:, columns]
     limits = ax.get_xlim(), ax.get_ylim()
     age = np.linspace(0.15, 1.0, len(points))
-    ax.scatter(
-        points[:, 0], points[:, 1], c=age, cmap="Greys", vmin=0.0, s=12, edgecolors="0.3", linewidths=0.4, zorder=3
-    )
+    style: dict[str, Any] = {"cmap": "Greys", "edgecolors": "0.3", "linewidths": 0.4, "zorder": 3}
+    ax.scatter(points[:, 0], points[:, 1], c=age, vmin=0.0, s=12, **style)
     if basins is not None:  # a scatter widens the axes
-        ax.set_xlim(limits[0])
-        ax.set_ylim(limits[1])
+        ax.set(xlim=limits[0], ylim=limits[1])
     if edge.orbit is not None:
         _mark_orbit(ax, edge.orbit, columns)
     _name_axes(ax, basins, edge.coordinates, columns, points)
@@ -114,9 +112,7 @@ def manifolds(
     >>> plot.manifolds(saddle_manifold(bent, periodic_orbit(bent, [0.1, 0.1]), "unstable", window)).get_xlabel()
     'x'
     """
-    curves = [manifolds] if isinstance(manifolds, Manifold) else list(manifolds)
-    if not curves or not all(isinstance(m, Manifold) for m in curves):
-        raise TypeError(f"manifolds={manifolds!r}: give what saddle_manifold returns, one or several")
+    curves = several_of("manifolds", manifolds, Manifold, "what saddle_manifold returns, one or several")
     ax = _below(basins, ax)
     for manifold in curves:
         for branch in manifold.branches:
@@ -164,9 +160,7 @@ def boundary_distance(distance: BoundaryDistance, *, ax: Axes | None = None) -> 
     finite = np.sort(distance.distances[np.isfinite(distance.distances)])
     ax.step(finite, np.arange(1, len(finite) + 1) / len(distance.distances), where="post", color="black")
     ax.axvline(distance.within, linestyle="--", color="0.5", label=f"{100 * distance.fraction:.4g} % within")
-    ax.set_xlabel("distance (cells)")
-    ax.set_ylabel("fraction of the boundary")
-    ax.set_ylim(0.0, 1.02)
+    ax.set(xlabel="distance (cells)", ylabel="fraction of the boundary", ylim=(0.0, 1.02))
     ax.legend(frameon=False)
     return ax
 
@@ -209,8 +203,7 @@ def chaotic_saddle(
     style |= {"markeredgewidth": 0.0, "rasterized": True}
     if len(saddle.coordinates) == 1:
         ax.plot(saddle.points[:-1, 0], saddle.points[1:, 0], **style)
-        ax.set_xlabel(str(saddle.coordinates[0]))
-        ax.set_ylabel(f"next {saddle.coordinates[0]}")
+        ax.set(xlabel=str(saddle.coordinates[0]), ylabel=f"next {saddle.coordinates[0]}")
         return ax
     columns = list(pair_of("coordinates", coordinates, saddle.coordinates))
     points = saddle.points[:, columns]
@@ -234,5 +227,4 @@ def _name_axes(
 ) -> None:
     if basins is not None:
         return
-    for axis, j, values in ((ax.xaxis, columns[0], points[:, 0]), (ax.yaxis, columns[1], points[:, 1])):
-        label_axis(axis, coordinates[j], float(np.ptp(values)) if len(values) else 0.0)
+    name_axes(ax, [coordinates[j] for j in columns], np.ptp(points, axis=0) if len(points) else (0.0, 0.0))

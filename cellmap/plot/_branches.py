@@ -17,7 +17,7 @@ from ..bifurcations.kinds import BifurcationKind
 from ..bifurcations.period_measures import Quantity, measured
 from ..maps.coordinates import Coordinate, difference
 from ..maps.parameters_as_states import swept_map
-from ._axes import axes_or_new, column_of, cut_at_branch_cuts, label_axis, mark_zeros, measured_axis
+from ._axes import axes_or_new, column_of, cut_at_branch_cuts, label_axis, mark_zeros, measured_axis, several_of
 from ._colours import colour_of, one_colour
 from ._draw import figure
 
@@ -92,13 +92,9 @@ def branches(
     >>> ax.get_xlabel(), ax.get_ylabel()
     ('r', 'x')
     """
-    several = tuple(branches) if isinstance(branches, Sequence) else (branches,)
-    if not several or not all(isinstance(b, Branch) for b in several):
-        raise TypeError(f"branches={branches!r}: give a Branch, or several, as continue_orbit returns them")
+    wanted, alike = "a Branch, or several, as continue_orbit returns them", "branches over one parameter of one system"
+    several = several_of("branches", branches, Branch, wanted, lambda b: (b.parameter, b.point_map.coordinates), alike)
     name, coordinates = several[0].parameter, several[0].point_map.coordinates
-    for other in several:
-        if (other.parameter, other.point_map.coordinates) != (name, coordinates):
-            raise ValueError(f"branches={branches!r}: give branches over one parameter of one system")
     ax = axes_or_new(ax)
     if measure is None:
         column = column_of(coordinate, coordinates)  # type: ignore[arg-type]

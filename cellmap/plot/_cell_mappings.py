@@ -15,7 +15,7 @@ from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..sets.cell_chain import CellChain
 from ..sets.simple_cells import CellMapping
-from ._axes import axes_or_new, label_axis, show_cells
+from ._axes import axes_or_new, colour_bar, label_axis, show_cells
 from ._colours import CODE_COLOURS, colour_of
 from ._draw import figure
 
@@ -108,10 +108,8 @@ def absorption(chain: CellChain, *, ax: Axes | None = None, group: int | None = 
         return _image(ax, chain.grid, coordinates, values, chain.point_map.name, "number of reachable classes")
     group = whole_number("group", group, at_least=-2, at_most=len(chain.closed) - 1)
     name = {-1: "of escape", -2: "of divergence"}.get(group, f"of absorption in class {group}")
-    values = chain.absorption[..., group]
-    return _image(
-        ax, chain.grid, coordinates, values, chain.point_map.name, f"probability {name}", norm=Normalize(0.0, 1.0)
-    )
+    values, scale = chain.absorption[..., group], Normalize(0.0, 1.0)
+    return _image(ax, chain.grid, coordinates, values, chain.point_map.name, f"probability {name}", norm=scale)
 
 
 @checked
@@ -177,6 +175,5 @@ def _image(
     image = values.reshape(*[grid.shape[j] for j in wide], -1).swapaxes(0, 1)
     drawn = show_cells(ax, image if measure is None else image[..., 0], grid, coordinates, norm=norm, cmap="magma")
     if measure is not None:
-        assert ax.figure is not None
-        ax.figure.colorbar(drawn, ax=ax, label=measure)
+        colour_bar(ax, drawn, measure)
     return ax

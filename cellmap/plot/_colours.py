@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -10,8 +10,6 @@ from matplotlib.colors import is_color_like, to_rgb
 
 from .._lib.checks import shown
 from ..attractors.labels import Label
-from ..basins.by_features import FeatureBasins
-from ..basins.record import Basins
 
 Colour = tuple[float, float, float]
 
@@ -63,11 +61,12 @@ def one_colour(colour: Any, default: Any) -> Any:
     return colour
 
 
-def label_colours(basins: Basins | FeatureBasins, colours: Mapping[int, Any] | None = None) -> dict[int, Colour]:
-    """Return the colour of each label that occurs."""
+def label_colour(label: int) -> Colour:
+    """Return the colour of a label."""
+    return to_rgb(CODE_COLOURS[label]) if label < 0 else colour_of(label)
+
+
+def label_colours(labels: Iterable[int], colours: Mapping[int, Any] | None = None) -> dict[int, Colour]:
+    """Return the colours of labels, some of which may be given."""
     chosen = chosen_colours(colours)
-    palette = {}
-    for label in basins.fractions:
-        default = to_rgb(CODE_COLOURS[label]) if label < 0 else colour_of(label)
-        palette[label] = to_rgb(chosen.get(label, default))
-    return palette
+    return {label: to_rgb(chosen.get(label, label_colour(label))) for label in labels}

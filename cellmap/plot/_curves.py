@@ -16,7 +16,7 @@ from ..bifurcations.atlas_record import AttractorAtlas
 from ..bifurcations.bifurcation_curve import BifurcationCurve
 from ..bifurcations.connecting_branches import TangencyCurve
 from ..bifurcations.kinds import BifurcationKind, CodimensionTwoKind
-from ._axes import axes_or_new, mark_zeros
+from ._axes import axes_or_new, colour_bar, mark_zeros, name_plane, several_of
 from ._colours import COLOURS, colour_of
 from ._draw import figure
 
@@ -83,12 +83,9 @@ def bifurcation_curves(
     >>> [t.get_text() for t in ax.texts]
     ['1:2']
     """
-    several = tuple(curves) if isinstance(curves, Sequence) else (curves,)
-    if not several or not all(isinstance(c, BifurcationCurve) for c in several):
-        raise TypeError(f"curves={curves!r}: give a BifurcationCurve, or several")
+    words, alike = "a BifurcationCurve, or several", "curves over the same two parameters, in the same order"
+    several = several_of("curves", curves, BifurcationCurve, words, lambda c: c.parameters, alike)
     names = several[0].parameters
-    if any(c.parameters != names for c in several):
-        raise ValueError(f"curves={curves!r}: give curves over the same two parameters, in the same order")
     ax = axes_or_new(ax)
     least = min(c.period for c in several)
     handles: dict[str, Line2D] = {}
@@ -107,8 +104,7 @@ def bifurcation_curves(
             ax.annotate(short, place, (4.0, 4.0), textcoords="offset points", fontsize="small")
         if short != str(point.kind) and ":" not in short:
             named[short] = str(point.kind)
-    ax.set_xlabel(names[0])
-    ax.set_ylabel(names[1])
+    ax.set(xlabel=names[0], ylabel=names[1])
     if legend:
         look = [Line2D([], [], linestyle="none", marker="o", color="black", markersize=4.0) for _ in named]
         labels = [*handles, *(f"{short}: {word}" for short, word in named.items())]
@@ -197,7 +193,7 @@ def attractor_atlas(
         mesh = ax.pcolormesh(atlas.x, atlas.y, values, cmap="viridis", **shading)
         if legend:
             name = "attractors" if show == "number" else f"fraction of {atlas.families[int(show)].name}"
-            ax.figure.colorbar(mesh, ax=ax, label=name)
+            colour_bar(ax, mesh, name)
     drawn: dict[str, Line2D] = {}
     for curve in (*(atlas.curves if curves else ()), *extra_curves):
         if set(curve.parameters) != set(atlas.parameters):
@@ -212,12 +208,7 @@ def attractor_atlas(
         Line2D([], [], color=line.get_color(), linestyle=line.get_linestyle(), label=name)
         for name, line in drawn.items()
     ]
-    ax.set(
-        xlabel=atlas.parameters[0],
-        ylabel=atlas.parameters[1],
-        xlim=(atlas.x[0], atlas.x[-1]),
-        ylim=(atlas.y[0], atlas.y[-1]),
-    )
+    name_plane(ax, atlas)
     if legend and handles:
         ax.legend(handles=handles, fontsize="small")
     return ax

@@ -13,7 +13,7 @@ from ..orbits.chaos_tests import CHAOTIC, REGULAR, UNDECIDED, ChaosTest
 from ..orbits.covariant import CovariantVectors
 from ..orbits.exponent_fields import ExponentField
 from ..orbits.lyapunov import LyapunovSpectrum
-from ._axes import axes_or_new, label_axis
+from ._axes import axes_or_new, colour_bar, label_axis
 from ._colours import colour_of
 from ._draw import figure
 
@@ -67,9 +67,8 @@ def exponent_field(
     grid = field.grid
     wide = [j for j, n in enumerate(grid.shape) if n > 1]
     if len(wide) not in (1, 2):
-        raise ValueError(
-            f"field of {field.name} on {grid.shape}: a figure needs two axes of more than one cell, or one"
-        )
+        what = f"field of {field.name} on {grid.shape}"
+        raise ValueError(f"{what}: a figure needs two axes of more than one cell, or one")
     if not isinstance(colours, Colormap):
         one_of("colours", colours, tuple(colormaps))
     ax = axes_or_new(ax, (7.0, 5.0))
@@ -91,14 +90,10 @@ def exponent_field(
         x, y = places[known].T
         drawn = ax.scatter(x, y, c=values[known], s=1.0, linewidths=0.0, cmap=colours, rasterized=True)
     else:
-        values = np.where(np.isfinite(field.forward), field.forward / unit, np.nan).reshape(
-            [grid.shape[j] for j in wide]
-        )
-        x, y = (grid.edges(j) for j in wide)
-        drawn = ax.pcolormesh(x, y, values.T, cmap=colours, rasterized=True)
+        values = np.where(np.isfinite(field.forward), field.forward / unit, np.nan).squeeze()
+        drawn = ax.pcolormesh(*(grid.edges(j) for j in wide), values.T, cmap=colours, rasterized=True)
     label_axis(ax.yaxis, field.coordinates[wide[1]], grid.upper[wide[1]] - grid.lower[wide[1]])
-    assert ax.figure is not None
-    ax.figure.colorbar(drawn, ax=ax, label=measure)
+    colour_bar(ax, drawn, measure)
     return ax
 
 

@@ -21,6 +21,8 @@ from ._axes import axes_or_new
 from ._colours import COLOURS, one_colour
 from ._draw import figure
 
+_BARS: dict[str, Any] = {"color": COLOURS[0], "marker": "o", "markersize": 4, "capsize": 2}
+
 
 @figure
 def fit(
@@ -63,30 +65,16 @@ def fit(
     inside = np.zeros(len(x), bool)
     inside[fit.inside] = True
     bars = _bars(fit, y, logarithmic[1])
-    for chosen, filled in ((inside, True), (~inside, False)):
-        ax.errorbar(
-            x[chosen],
-            y[chosen],
-            None if bars is None else bars[:, chosen],
-            linestyle="none",
-            marker="o",
-            markersize=4.5,
-            color=colour,
-            markerfacecolor=colour if filled else "white",
-            capsize=2.0,
-        )
+    for chosen, filling in ((inside, colour), (~inside, "white")):
+        style = _BARS | {"linestyle": "none", "markersize": 4.5, "color": colour, "markerfacecolor": filling}
+        ax.errorbar(x[chosen], y[chosen], None if bars is None else bars[:, chosen], **style)
     ends = fit.x[[fit.fit_range[0], fit.fit_range[1]]]
     if shade:
         low, high = sorted(np.exp(ends) if logarithmic[0] else ends)
         ax.axvspan(low, high, color=colour, alpha=0.12, linewidth=0.0)
     slope = f"{fit.slope:.4g} ± {fit.standard_error:.2g}"
-    line = fit(ends)
-    ax.plot(
-        np.exp(ends) if logarithmic[0] else ends,
-        np.exp(line) if logarithmic[1] else line,
-        color=colour,
-        label=f"slope {slope}" if label is None else f"{label}: {slope}",
-    )
+    line = [np.exp(v) if is_log else v for v, is_log in zip((ends, fit(ends)), logarithmic, strict=True)]
+    ax.plot(*line, color=colour, label=f"slope {slope}" if label is None else f"{label}: {slope}")
     for axis, name, is_log in zip("xy", fit.labels, logarithmic, strict=True):
         getattr(ax, f"set_{axis}scale")("log" if is_log else "linear")
         getattr(ax, f"set_{axis}label")(name.removeprefix("ln ") if is_log else name)
@@ -120,9 +108,7 @@ def generalized_dimensions(result: GeneralizedDimensions, *, ax: Axes | None = N
         The axes; bars are one standard error.
     """
     ax = axes_or_new(ax, (6.0, 4.0))
-    ax.errorbar(
-        result.orders, result.dimensions, result.standard_errors, color=COLOURS[0], marker="o", markersize=4, capsize=2
-    )
+    ax.errorbar(result.orders, result.dimensions, result.standard_errors, **_BARS)
     ax.set(xlabel="order q", ylabel="$D_q$")
     return ax
 
@@ -147,7 +133,7 @@ def kaplan_yorke(result: KaplanYorke, *, ax: Axes | None = None) -> Axes:
     sums = np.concatenate([[0.0], np.cumsum(result.exponents)])
     bars = np.concatenate([[0.0], np.sqrt(np.cumsum(result.errors**2))])
     ax.axhline(0.0, color="0.6", linewidth=0.8)
-    ax.errorbar(np.arange(len(sums)), sums, np.nan_to_num(bars), color=COLOURS[0], marker="o", markersize=4, capsize=2)
+    ax.errorbar(np.arange(len(sums)), sums, np.nan_to_num(bars), **_BARS)
     ax.axvline(result.dimension, color=COLOURS[1], linestyle="--", label=f"dimension {result.dimension:.5g}")
     ax.set(xlabel="number of exponents", ylabel="sum of the largest")
     ax.legend(frameon=False)
@@ -186,9 +172,7 @@ def uncertainty_exponent(result: UncertaintyExponent, *, ax: Axes | None = None)
         low, high = result.intervals.T
         bars = np.maximum([result.fractions - low, high - result.fractions], 0.0)
         ax.errorbar(result.distances, result.fractions, bars, linestyle="none", marker="o", color=COLOURS[0])
-        ax.set_xscale("log")
-        ax.set_xlabel(f"distance ({result.unit})")
-        ax.set_ylabel("fraction of uncertain pairs")
+        ax.set(xscale="log", xlabel=f"distance ({result.unit})", ylabel="fraction of uncertain pairs")
     ax.axvline(result.floor, color="0.4", linestyle=":")
     ax.set_title(_title(result.name, result.verdict))
     return ax
@@ -237,9 +221,8 @@ def basin_entropy(result: BasinEntropy | FractalTest, *, ax: Axes | None = None)
     if isinstance(result, FractalTest):
         ax.axvspan(*result.smooth_range, color="0.5", alpha=0.3, linewidth=0.0)
     ax.axvline(reference, color="black", linestyle="--", label=f"{meaning}: {reference:.4g}")
-    ax.set_xlabel("entropy")
-    ax.set_ylabel("discs" if isinstance(result, FractalTest) else "boxes")
-    ax.set_title(_title(result.name, verdict))
+    counted = "discs" if isinstance(result, FractalTest) else "boxes"
+    ax.set(xlabel="entropy", ylabel=counted, title=_title(result.name, verdict))
     ax.legend(frameon=False)
     return ax
 
@@ -273,15 +256,12 @@ def wada(result: WadaGrid | MergingTest, *, ax: Axes | None = None) -> Axes:
         for m in range(2, len(result.basins) + 1):
             colour = COLOURS[m % len(COLOURS)]
             ax.plot(result.fractions[:, m], marker="o", markersize=4, color=colour, label=f"{m} basins")
-        ax.set_xlabel("step")
-        ax.set_ylabel("fraction of boundary boxes")
+        ax.set(xlabel="step", ylabel="fraction of boundary boxes")
         ax.legend(frameon=False)
     else:
         numbers = np.arange(1, len(result.sides))
         ax.bar(numbers, result.sides[1:], color=COLOURS[0])
-        ax.set_xticks(numbers)
-        ax.set_xlabel(f"basins within {result.radius:g} cells")
-        ax.set_ylabel("fraction of the boundary")
+        ax.set(xticks=numbers, xlabel=f"basins within {result.radius:g} cells", ylabel="fraction of the boundary")
     ax.set_title(_title(result.name, result.verdict))
     return ax
 

@@ -15,7 +15,7 @@ from ..bifurcations.circle_branches import CircleBranch, CircleStatus
 from ..bifurcations.connecting_branches import ConnectionBranch
 from ..bifurcations.tongues import ArnoldTongue
 from ..maps.coordinates import difference
-from ._axes import axes_or_new, cut_at_branch_cuts, label_axis, pair_of
+from ._axes import axes_or_new, colour_bar, cut_at_branch_cuts, name_axes, pair_of, several_of
 from ._colours import colour_of
 from ._draw import figure
 
@@ -62,13 +62,9 @@ def connections(
     >>> ax.get_ylabel()
     'angle between the manifolds (rad)'
     """
-    several = tuple(branches) if isinstance(branches, Sequence) else (branches,)
-    if not several or not all(isinstance(b, ConnectionBranch) for b in several):
-        raise TypeError(
-            f"branches={branches!r}: give a ConnectionBranch, or several, as continue_connection returns them"
-        )
-    if any(b.parameter != several[0].parameter for b in several):
-        raise ValueError(f"branches={branches!r}: give branches over one parameter")
+    words = "a ConnectionBranch, or several, as continue_connection returns them"
+    alike = "branches over one parameter"
+    several = several_of("branches", branches, ConnectionBranch, words, lambda b: b.parameter, alike)
     ax = axes_or_new(ax)
     ax.axhline(0.0, color="0.7", linewidth=0.8)
     for number, branch in enumerate(several):
@@ -169,10 +165,9 @@ def _draw_curves(ax: Axes, branch: CircleBranch, plane: tuple[int, int], legend:
             curve = np.vstack([wrapped[:1], wrapped[0] + steps])
             ax.plot(*cut_at_branch_cuts(curve, axes).T, color=scale.to_rgba(value), linewidth=1.0)
             spans = np.maximum(spans, np.ptp(curve, axis=0))
-    label_axis(ax.xaxis, axes[0], float(spans[0]))
-    label_axis(ax.yaxis, axes[1], float(spans[1]))
+    name_axes(ax, axes, spans.tolist())
     if legend:
-        ax.figure.colorbar(scale, ax=ax, label=branch.parameter)
+        colour_bar(ax, scale, branch.parameter)
 
 
 @figure
@@ -214,12 +209,10 @@ def arnold_tongues(
     >>> [text.get_text() for text in plot.arnold_tongues(tongue).get_legend().get_texts()]
     ['1/2']
     """
-    several = tuple(tongues) if isinstance(tongues, Sequence) else (tongues,)
-    if not several or not all(isinstance(t, ArnoldTongue) for t in several):
-        raise TypeError(f"tongues={tongues!r}: give an ArnoldTongue, or several, as arnold_tongue returns them")
+    words = "an ArnoldTongue, or several, as arnold_tongue returns them"
+    alike = "tongues over the same two parameters, in the same order"
+    several = several_of("tongues", tongues, ArnoldTongue, words, lambda t: t.left.parameters, alike)
     names = several[0].left.parameters
-    if any(t.left.parameters != names for t in several):
-        raise ValueError(f"tongues={tongues!r}: give tongues over the same two parameters, in the same order")
     ax = axes_or_new(ax)
     for number, tongue in enumerate(several):
         # Both borders upwards in the second parameter, so that they enclose the tongue one behind the other.

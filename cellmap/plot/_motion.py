@@ -14,7 +14,7 @@ from .._lib.checks import is_sequence, listed, shown
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, wrap
 from ..maps.trajectories import Trajectory
-from ._axes import cut_at_branch_cuts, label_axis, pair_of
+from ._axes import cut_at_branch_cuts, label_axis, name_axes, pair_of
 from ._colours import colour_of
 from ._draw import figure
 
@@ -138,12 +138,10 @@ def phase_portrait(
     pair = tuple(trajectory.system.axes[j] for j in columns)
     states = _flat(trajectory.states)
     _draw(ax, trajectory, pair, tuple(states[..., j] for j in columns), labels, stroboscopic)
-    label_axis(ax.xaxis, pair[0], pair[0].period or 0.0)
-    label_axis(ax.yaxis, pair[1], pair[1].period or 0.0)
-    if pair[0].lower is not None and pair[0].period is not None:
-        ax.set_xlim(pair[0].lower, pair[0].lower + pair[0].period)
-    if pair[1].lower is not None and pair[1].period is not None:
-        ax.set_ylim(pair[1].lower, pair[1].lower + pair[1].period)
+    name_axes(ax, pair, [c.period or 0.0 for c in pair])
+    for c, name in zip(pair, ("xlim", "ylim"), strict=True):
+        if c.lower is not None and c.period is not None:
+            ax.set(**{name: (c.lower, c.lower + c.period)})
     if labels is not None:
         ax.legend(fontsize="small")
     return ax

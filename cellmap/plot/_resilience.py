@@ -16,7 +16,7 @@ from ..basins.record import Basins
 from ..maps.coordinates import Coordinate
 from ._axes import axes_or_new, cut_at_branch_cuts, label_axis
 from ._basins import basins as draw_basins
-from ._colours import CODE_COLOURS, colour_of
+from ._colours import label_colour
 from ._draw import figure
 
 
@@ -50,10 +50,10 @@ def basin_stability(stability: BasinStability, *, ax: Axes | None = None) -> Axe
     fractions = np.array([s.fraction for s in stability.fractions.values()])
     ends = np.array([[s.low, s.high] for s in stability.fractions.values()])
     bars = np.stack([fractions - ends[:, 0], ends[:, 1] - fractions]).clip(min=0.0)
-    ax.bar(places, fractions, color=[_colour(k) for k in stability.fractions], yerr=bars, capsize=4.0, ecolor="0.2")
+    colours = [label_colour(k) for k in stability.fractions]
+    ax.bar(places, fractions, color=colours, yerr=bars, capsize=4.0, ecolor="0.2")
     ax.set_xticks(places, [stability.names[k] for k in stability.fractions], rotation=20, ha="right")
-    ax.set_ylim(0.0, min(1.02, 1.15 * float(ends[:, 1].max())))
-    ax.set_ylabel("fraction of states")
+    ax.set(ylim=(0.0, min(1.02, 1.15 * float(ends[:, 1].max()))), ylabel="fraction of states")
     return ax
 
 
@@ -87,10 +87,9 @@ def settling_times(statistics: SettlingStatistics, *, ax: Axes | None = None) ->
         if basin.count:
             left = (basin.count - np.cumsum(basin.times)) / basin.count
             label = f"{basin.name}: mean {basin.mean:.3g} ± {basin.standard_error:.1g}"
-            ax.step(np.arange(len(left)), np.where(left > 0, left, np.nan), where="post", color=_colour(k), label=label)
-    ax.set_yscale("log")
-    ax.set_xlabel("step")
-    ax.set_ylabel("fraction not settled")
+            shown = np.where(left > 0, left, np.nan)
+            ax.step(np.arange(len(left)), shown, where="post", color=label_colour(k), label=label)
+    ax.set(yscale="log", xlabel="step", ylabel="fraction not settled")
     if any(basin.count for basin in statistics.basins.values()):
         ax.legend(frameon=False, fontsize="small")
     return ax
@@ -126,15 +125,8 @@ def fatal_shock(shock: FatalShock, *, basins: Basins, ax: Axes | None = None) ->
     ax = _on_basins(basins, ax)
     _draw_ball(ax, shock.point, shock.size, shock.scale, basins)
     _draw_curve(ax, np.stack([shock.point, shock.point + shock.shock]), basins, "-", 1.8)
-    ax.plot(
-        *_in_plane(shock.end[None])[0],
-        "X",
-        color="black",
-        markeredgecolor="white",
-        markersize=8,
-        scalex=False,
-        scaley=False,
-    )
+    end = _in_plane(shock.end[None])[0]
+    ax.plot(*end, "X", color="black", markeredgecolor="white", markersize=8, scalex=False, scaley=False)
     ax.set_title(f"{basins.name}: fatal shock of size {shock.size:.4g}")
     return ax
 
@@ -201,23 +193,16 @@ def tipping(tipping: TippingProbabilities, *, ax: Axes | None = None) -> Axes:
     for (row, column), fraction in np.ndenumerate(tipping.probabilities):
         if np.isfinite(fraction):
             low, high = tipping.low[row, column], tipping.high[row, column]
-            text = f"{fraction:.3g}\n[{low:.2g}, {high:.2g}]"
-            ax.text(
-                column, row, text, ha="center", va="center", color="white" if fraction > 0.6 else "black", fontsize=8
-            )
+            text, colour = f"{fraction:.3g}\n[{low:.2g}, {high:.2g}]", "white" if fraction > 0.6 else "black"
+            ax.text(column, row, text, ha="center", va="center", color=colour, fontsize=8)
     for row, label in enumerate(tipping.continuation):
         if label is not None:
             corner = (tipping.after.index(label) - 0.48, row - 0.48)
             ax.add_patch(Rectangle(corner, 0.96, 0.96, fill=False, edgecolor="black", linewidth=1.5))
     ax.set_xticks(range(len(tipping.after)), tipping.names[1], rotation=20, ha="right")
     ax.set_yticks(range(len(tipping.before)), tipping.names[0])
-    ax.set_xlabel("after")
-    ax.set_ylabel("before")
+    ax.set(xlabel="after", ylabel="before")
     return ax
-
-
-def _colour(label: int) -> object:
-    return CODE_COLOURS[label] if label < 0 else colour_of(label)
 
 
 def _on_basins(basins: Basins, ax: Axes | None) -> Axes:
@@ -230,7 +215,7 @@ def _on_basins(basins: Basins, ax: Axes | None) -> Axes:
     edges = basins.grid.edges(0)
     ends = np.flatnonzero(np.diff(basins.labels)) + 1
     for first, last in zip([0, *ends], [*ends, len(basins.labels)], strict=True):
-        ax.axvspan(edges[first], edges[last], color=_colour(int(basins.labels[first])), linewidth=0.0)
+        ax.axvspan(edges[first], edges[last], color=label_colour(int(basins.labels[first])), linewidth=0.0)
     ax.set(xlim=(edges[0], edges[-1]), ylim=(-1.0, 1.0), yticks=[])
     label_axis(ax.xaxis, basins.coordinates[0], edges[-1] - edges[0])
     return ax

@@ -18,7 +18,7 @@ from ..maps.grid import CellGrid
 from ..sets.box_set import BoxSet
 from ..sets.morse_graphs import MorseGraph
 from ..sets.transfer_operators import TransferOperator
-from ._axes import axes_or_new, label_axis, pair_of
+from ._axes import axes_or_new, colour_bar, name_axes, pair_of
 from ._colours import colour_of
 from ._draw import figure
 
@@ -110,14 +110,10 @@ def morse_graph(
     for k, members in enumerate(graph.sets):
         label = f"{k}, attracting" if k in graph.sinks else str(k)
         colour = colour_of(k)
-        boxes(
-            members,
-            names=graph.coordinates,
-            coordinates=coordinates,
-            ax=ax,
-            label=label,
-            **({"facecolor": colour, "edgecolor": colour, "linewidth": 1.0} if plane else {"color": colour}),
+        style: dict[str, Any] = (
+            {"facecolor": colour, "edgecolor": colour, "linewidth": 1.0} if plane else {"color": colour}
         )
+        boxes(members, names=graph.coordinates, coordinates=coordinates, ax=ax, label=label, **style)
     if plane:
         pair = list(pair_of("coordinates", coordinates, graph.coordinates))
         middles = [_middle(boxes)[pair] for boxes in graph.sets]
@@ -192,18 +188,14 @@ def eigenvector(
     except ValueError as error:
         raise ValueError(f"operator={operator!r}, index={index}: {error}") from error
     top = float(np.quantile(np.abs(values), quantile)) or 1.0
-    style = {"cmap": "viridis", "clim": (0.0, top)} if index == 0 else {"cmap": "RdBu_r", "clim": (-top, top)}
-    plane = operator.boxes.grid.dimension > 1
-    boxes(
-        operator.boxes,
-        values=values,
-        names=operator.coordinates,
-        coordinates=coordinates,
-        ax=ax,
-        **(style if plane else {}),
+    style: dict[str, Any] = (
+        {"cmap": "viridis", "clim": (0.0, top)} if index == 0 else {"cmap": "RdBu_r", "clim": (-top, top)}
     )
-    if plane and ax.figure is not None:
-        ax.figure.colorbar(ax.collections[-1], ax=ax, label="density" if index == 0 else f"eigenvector {index}")
+    plane = operator.boxes.grid.dimension > 1
+    common: dict[str, Any] = {"names": operator.coordinates, "coordinates": coordinates, "ax": ax}
+    boxes(operator.boxes, values=values, **common, **(style if plane else {}))
+    if plane:
+        colour_bar(ax, ax.collections[-1], "density" if index == 0 else f"eigenvector {index}")
     return ax
 
 
@@ -223,9 +215,6 @@ def _middle(boxes: BoxSet) -> Floats:
 
 def _frame(ax: Axes, grid: CellGrid, coordinates: Sequence[Coordinate], pair: list[int]) -> None:
     """Set limits and names of the axes."""
-    spans = [(grid.lower[j], grid.upper[j]) for j in pair]
-    ax.set_xlim(spans[0])
-    label_axis(ax.xaxis, coordinates[pair[0]], spans[0][1] - spans[0][0])
-    if len(pair) > 1:
-        ax.set_ylim(spans[1])
-        label_axis(ax.yaxis, coordinates[pair[1]], spans[1][1] - spans[1][0])
+    ends = [(grid.lower[j], grid.upper[j]) for j in pair]
+    ax.set(**dict(zip(("xlim", "ylim"), ends, strict=False)))
+    name_axes(ax, [coordinates[j] for j in pair], [high - low for low, high in ends])

@@ -16,7 +16,7 @@ from .._lib.arrays import Bools, Floats
 from .._lib.checks import real_array
 from ..bifurcations.crossings import Crossing
 from ..bifurcations.equilibrium_stability import StabilityMap
-from ._axes import axes_or_new
+from ._axes import axes_or_new, name_plane
 from ._colours import COLOURS, chosen_colours
 from ._draw import figure
 
@@ -106,12 +106,7 @@ def stability_map(
         away = _outside(dots[:, 0], stability.x) | _outside(dots[:, 1], stability.y)
         label = f"measured ({away.sum()} of {away.size} outside of the map)" if away.any() else "measured"
         handles.append(ax.errorbar(dots[:, 0], dots[:, 1], errors, label=label, **_DOTS))
-    ax.set(
-        xlabel=stability.parameters[0],
-        ylabel=stability.parameters[1],
-        xlim=(stability.x[0], stability.x[-1]),
-        ylim=(stability.y[0], stability.y[-1]),
-    )
+    name_plane(ax, stability)
     if legend:
         ax.legend(handles=handles, fontsize="small")
     return ax

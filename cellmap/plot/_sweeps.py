@@ -8,17 +8,15 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from .._lib.arrays import Floats
 from ..basins.continuation_record import BasinContinuation
 from ..bifurcations.diagram import BifurcationDiagram
 from ..bifurcations.period_measures import Quantity
 from ..orbits.attractor import Kind
-from ._axes import column_of, label_axis, measured_axis
-from ._colours import CODE_COLOURS, Colour, chosen_colours, colour_of
+from ._axes import column_of, label_axis, legend_below, measured_axis
+from ._colours import Colour, colour_of, label_colours
 from ._draw import figure
 
 _SMALLEST, _LARGEST = 0.6, 3.0  # sizes of points by default
@@ -186,7 +184,7 @@ def basin_continuation(
     if not len(continuation.values):
         raise ValueError(f"continuation={continuation!r} has no values: there is nothing to draw")
     column = column_of(coordinate, continuation.coordinates)
-    palette = _palette(continuation, colours)
+    palette = label_colours(continuation.labels, colours)
     drawn: tuple[Axes, ...] = (ax,) if ax is not None else ()
     if ax is None:
         _, panels = plt.subplots(2, sharex=True, figsize=(7.0, 6.5), layout="constrained")
@@ -194,29 +192,12 @@ def basin_continuation(
         _draw_attractors(panels[1], continuation, column, palette)
     upper = drawn[0]
     upper.stackplot(continuation.values, continuation.fractions.T, colors=list(palette.values()), linewidth=0.0)
-    upper.set_ylim(0.0, 1.0)
-    upper.set_ylabel("fraction of initial conditions")
+    upper.set(ylim=(0.0, 1.0), ylabel="fraction of initial conditions", title=continuation.system)
     upper.margins(x=0.0)
-    upper.set_title(continuation.system)
     drawn[-1].set_xlabel(continuation.parameter)
     if legend:
-        names = [continuation.label_name(label) for label in palette]
-        patches = [Patch(facecolor=c, edgecolor="0.3", label=n) for n, c in zip(names, palette.values(), strict=True)]
-        drawn[-1].legend(
-            handles=patches,
-            loc="upper center",
-            bbox_to_anchor=(0.5, -0.14),
-            ncols=2,
-            fontsize="small",
-            frameon=False,
-        )
+        legend_below(drawn[-1], [(c, continuation.label_name(label)) for label, c in palette.items()], -0.14)
     return drawn
-
-
-def _palette(continuation: BasinContinuation, colours: Mapping[int, Any] | None) -> dict[int, Colour]:
-    """Return the colour of each label."""
-    given = chosen_colours(colours)
-    return {k: to_rgb(given.get(k, CODE_COLOURS[k] if k < 0 else colour_of(k))) for k in continuation.labels}
 
 
 def _draw_attractors(ax: Axes, continuation: BasinContinuation, column: int, palette: Mapping[int, Colour]) -> None:

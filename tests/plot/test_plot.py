@@ -120,7 +120,7 @@ def test_every_cell_has_the_colour_of_its_label():
     labels = basins.labels.copy()
     labels[0, 3] = Label.UNDECIDED  # left, top
     basins = replace(basins, labels=labels)
-    palette = label_colours(basins)
+    palette = label_colours(basins.fractions)
     cells = image_of(plot.basins(basins))
     assert cells.shape == (4, 6, 3)
     for i, j in itertools.product(range(6), range(4)):
@@ -165,7 +165,9 @@ def test_legend_names_each_attractor_and_its_fraction(pendulum):
     for entry, (label, fraction) in zip(entries, pendulum.fractions.items(), strict=True):
         assert entry == f"{pendulum.label_name(label)}: {100 * fraction.fraction:.2f} %"
     patches = plot.basins(pendulum).get_legend().legend_handles
-    assert [p.get_facecolor()[:3] for p in patches] == [pytest.approx(c) for c in label_colours(pendulum).values()]
+    assert [p.get_facecolor()[:3] for p in patches] == [
+        pytest.approx(c) for c in label_colours(pendulum.fractions).values()
+    ]
 
 
 def test_legend_names_what_is_lost(lost):
@@ -204,7 +206,7 @@ def test_many_attractors_have_different_colours(pendulum):
         attractors=pendulum.attractors[:1] * 40,
         labels=np.arange(1200, dtype=np.int16).reshape(40, 30) % 40,
     )
-    palette = list(label_colours(many).values())
+    palette = list(label_colours(many.fractions).values())
     for a, b in itertools.combinations(palette, 2):
         assert np.abs(np.subtract(a, b)).max() > 0.02
 
@@ -246,7 +248,7 @@ def test_chosen_colours(pendulum):
     cells = image_of(ax)
     assert (cells[(pendulum.labels == 0).T] == 1.0).all()
     assert (cells[(pendulum.labels == 1).T] == 0.0).all()
-    assert label_colours(pendulum, {0: "white"})[2] == label_colours(pendulum)[2]
+    assert label_colours(pendulum.fractions, {0: "white"})[2] == label_colours(pendulum.fractions)[2]
 
 
 @pytest.mark.parametrize("colours", [{0: "no such colour"}, {0: 17}])
