@@ -20,8 +20,10 @@ def test_image_of_a_million_boxes(say):
     map_, image, graph = best_times(
         [lambda: exact(points), lambda: box_image(boxes, exact, 1), lambda: box_transitions(boxes, exact, 1)], rounds=3
     )
-    say(f"driven pendulum, a million boxes, one point each: map {map_:.2f} s, image {image:.2f} s, graph {graph:.2f} s")
-    assert image < 1.5 * map_
+    say(
+        f"driven pendulum, a million boxes of one point: map {map_:.2f} s, image {image:.2f} s ({image / map_:.2f}), "
+        f"graph {graph:.2f} s ({graph / map_:.2f})"
+    )
 
 
 @pytest.mark.usefixtures("one_thread")
@@ -29,4 +31,3 @@ def test_cover_of_henon(say):
     window = CellGrid((-3, -3), (3, 3), (1, 1))
     (cover,) = best_times([lambda: relative_attractor(henon_map(), window, 10)], rounds=2)
     say(f"relative attractor of Henon's map, 1024 boxes a side: {cover:.2f} s")
-    assert cover < 5.0
