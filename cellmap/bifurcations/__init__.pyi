@@ -27,6 +27,7 @@ from .connecting_branches import continue_connection as continue_connection
 from .connecting_branches import continue_tangency as continue_tangency
 from .connections import ConnectingOrbit as ConnectingOrbit
 from .connections import connecting_orbits as connecting_orbits
+from .crossings import BoundaryCurve as BoundaryCurve
 from .crossings import Crossing as Crossing
 from .diagram import BifurcationDiagram as BifurcationDiagram
 from .diagram import bifurcation_diagram as bifurcation_diagram
@@ -48,6 +49,5 @@ from .orbit_continuation import continue_orbit as continue_orbit
 from .orbit_continuation import switch_branch as switch_branch
 from .period_measures import OrbitFunction as OrbitFunction
 from .period_measures import PeriodMeasure as PeriodMeasure
-from .stability_curves import BoundaryCurve as BoundaryCurve
 from .tongues import ArnoldTongue as ArnoldTongue
 from .tongues import arnold_tongue as arnold_tongue

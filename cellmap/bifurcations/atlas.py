@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import json
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._lib.arrays import Floats, Ints
+from .._lib.checkpoint import check_belongs, plain
 from .._lib.checks import claim_memory, known_parameter, monotone_values, shown, whole_number
-from .._lib.files import as_path
+from .._lib.files import StoreError, as_path, written_whole
 from .._lib.signatures import checked
 from .._lib.tiles import check_client, completed
 from ..maps.coordinates import state_points, turns_of
@@ -21,9 +27,7 @@ from ..maps.point_map import PointMap
 from .atlas_curves import borders_of, curves_at
 from .atlas_families import AtlasKind, Attractors, families_of
 from .atlas_record import AttractorAtlas, AttractorFamily
-from .atlas_spreading import slow_ones, spread
-from .atlas_tiles import Tiles
-from .coexistence import Explorer
+from .coexistence import Explorer, slow_ones, spread
 
 _ORBITS = 65536  # in a tile
 _PILOTS = 32  # parameter points and initial conditions whose images tell the size of what is to be found,
@@ -144,7 +148,7 @@ def attractor_atlas(
             )
         belongs = fingerprint(swept, np.column_stack([np.tile(states[:1], (len(values[:64]), 1)), values[:64]]))
         run = {"x": [first, *across.tolist()], "y": [second, *up.tolist()], "initial conditions": states.tolist()}
-        tiles = Tiles.of(
+        tiles = _Tiles.of(
             as_path("checkpoint", checkpoint), belongs | run | {"max_periods": periods, "longest_period": longest}
         )
         parts = dict(completed(numbers, int, tiles.remembering(lambda number: job(part(number))), None, label))
@@ -220,3 +224,63 @@ def _axis(label: str, given: tuple[str, ArrayLike], exact: PointMap) -> tuple[st
     if axis.size < 2 or axis[0] > axis[-1]:
         raise ValueError(f"{label}[1]={shown(values)}: give at least 2 values in increasing order")
     return name, axis
+
+
+_Result = tuple[Attractors, Ints, Ints]
+
+
+@dataclass(frozen=True, eq=False)
+class _Tiles:
+    """A folder with a file for each tile that is done, and one that says to which run they belong."""
+
+    folder: Path
+
+    @classmethod
+    def of(cls, folder: Path, belongs: Mapping[str, Any]) -> _Tiles:
+        """Open or make a folder; one of another run is refused, by what differs."""
+        if folder.exists() and not folder.is_dir():
+            raise NotADirectoryError(f"checkpoint={str(folder)!r} is a file: give the name of a folder")
+        folder.mkdir(parents=True, exist_ok=True)
+        settings = folder / "atlas.json"
+        if settings.exists():
+            try:
+                theirs = json.loads(settings.read_text(encoding="utf-8"))
+            except (ValueError, OSError) as error:
+                raise StoreError(f"checkpoint={str(folder)!r} holds a damaged atlas.json: delete the folder") from error
+            check_belongs(folder, theirs, belongs)
+        else:
+            if any(folder.iterdir()):
+                raise StoreError(f"checkpoint={str(folder)!r} is a folder with other files: give a new one")
+            with written_whole(settings) as temporary:
+                temporary.write_text(json.dumps(plain(belongs)), encoding="utf-8")
+        return cls(folder)
+
+    def remembering(self, work: Callable[[int], _Result]) -> Callable[[int], _Result]:
+        """Return work on tiles that is done once: its results are kept, and read where they are there."""
+
+        def remembered(number: int) -> _Result:
+            found = self._read(number)
+            if found is None:
+                found = work(number)
+                self._write(number, found)
+            return found
+
+        return remembered
+
+    def _place(self, number: int) -> Path:
+        return self.folder / f"tile-{number:06d}.npz"
+
+    def _write(self, number: int, result: _Result) -> None:
+        attractors, escaped, undecided = result
+        columns = {f.name: getattr(attractors, f.name) for f in fields(attractors)}
+        with written_whole(self._place(number)) as temporary:
+            np.savez(temporary, escaped=escaped, undecided=undecided, **columns)
+
+    def _read(self, number: int) -> _Result | None:
+        """Return a tile; None where it is not there, or damaged."""
+        try:
+            with np.load(self._place(number)) as file:
+                attractors = Attractors(*(file[f.name] for f in fields(Attractors)))
+                return attractors, file["escaped"], file["undecided"]
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            return None

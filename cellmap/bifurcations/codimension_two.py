@@ -17,15 +17,14 @@ from .._lib.threads import progress_bar, slices
 from ..maps.coordinates import wrap
 from ..maps.multilinear import MultilinearForms
 from ..orbits.arclength import ContinuationStep, SolutionPoint
-from ..orbits.multipliers import multipliers_along, pair_on_circle
+from ..orbits.multipliers import factors_beside, multipliers_along, pair_on_circle, products_of_pairs
 from ..orbits.orbit_equations import OrbitProblem
 from ..orbits.orbit_kinds import PeriodicOrbit
 from .codimension_two_forms import CodimensionTwoForm, form_of_two
 from .homological import Centre, cycle_matrix
 from .intervals import place_of
 from .kinds import BifurcationKind, CodimensionTwoKind
-from .located_forms import Tensors, forms_along
-from .normal_forms import Reduction, coefficient
+from .normal_forms import Tensors, coefficient, forms_along, reduction
 from .orbit_births import NewCurve, born_curves
 from .singular_orbits import SingularOrbits
 
@@ -298,12 +297,12 @@ class _Tests:
             return {}
         q, p = inverse[:-1, -1].reshape(n, d), inverse[-1, -d - 1 : -1]
         others, across = _without(multipliers, self._critical), float(p @ q[0])
-        found = {} if len(others) < 2 else {_with_pair(kind): _TestValue(_pairs(others))}
+        found = {} if len(others) < 2 else {_with_pair(kind): _TestValue(_passes(products_of_pairs(others), 1.0))}
         if kind is not _PITCH:
             found[_TWICE[self._critical]] = _TestValue(across)
-            found[CodimensionTwoKind.FOLD_FLIP] = _TestValue(_difference(multipliers, -self._critical))
+            found[CodimensionTwoKind.FOLD_FLIP] = _TestValue(_passes(multipliers, -self._critical))
         # The inverse of I - M has a pole where a further multiplier is 1.
-        factor = _difference(multipliers, 1.0) if kind is _FLIP else 1.0
+        factor = _passes(multipliers, 1.0) if kind is _FLIP else 1.0
         if tensors is not None and abs(factor) > _SINGULAR and across:
             centre = Centre.real(q, p / across, self._critical)
             reduced = factor * across * coefficient(kind, tensors, centre).real
@@ -317,14 +316,14 @@ class _Tests:
         found = {kind: _TestValue(cosine - value) for kind, value in _COSINES.items()}
         others = np.delete(multipliers, pair)
         if len(others):
-            found[CodimensionTwoKind.FOLD_NEIMARK_SACKER] = _TestValue(_difference(others, 1.0))
-            found[CodimensionTwoKind.FLIP_NEIMARK_SACKER] = _TestValue(_difference(others, -1.0))
+            found[CodimensionTwoKind.FOLD_NEIMARK_SACKER] = _TestValue(_passes(others, 1.0))
+            found[CodimensionTwoKind.FLIP_NEIMARK_SACKER] = _TestValue(_passes(others, -1.0))
         if len(others) > 1:
-            found[CodimensionTwoKind.DOUBLE_NEIMARK_SACKER] = _TestValue(_pairs(others))
+            found[CodimensionTwoKind.DOUBLE_NEIMARK_SACKER] = _TestValue(_passes(products_of_pairs(others), 1.0))
         if tensors is None:
             return found
-        reduced = Reduction.of(self.problem.kind, tensors, self.problem.orbits.scale[: tensors[0].shape[-1]])
-        factor = _difference(multipliers, 1.0)
+        reduced = reduction(self.problem.kind, tensors, self.problem.orbits.scale[: tensors[0].shape[-1]])
+        factor = _passes(multipliers, 1.0)
         # At a 1:3 resonance the coefficient is a quotient of numbers that vanish.
         resonant = abs(multipliers[pair[0]] ** 3 - 1.0) < _RESONANT
         if reduced is not None and np.isfinite(reduced.coefficient) and abs(factor) > _SINGULAR and not resonant:
@@ -431,16 +430,9 @@ def _cubic_size(forms: Tensors) -> float:
     return float(np.abs(forms[1]).max() ** 2 + np.abs(forms[2]).max())
 
 
-def _difference(multipliers: Complexes, value: float) -> float:
-    """Return a function that changes its sign where one of some multipliers passes a value, 1 or -1."""
-    return float(np.prod((value - multipliers) / (1.0 + np.abs(multipliers))).real)
-
-
-def _pairs(multipliers: Complexes) -> float:
-    """Return a function that changes its sign where two of some multipliers have the product 1."""
-    i, j = np.triu_indices(len(multipliers), 1)
-    products = multipliers[i] * multipliers[j]
-    return float(np.prod((products - 1.0) / (1.0 + np.abs(products))).real)
+def _passes(values: Complexes, one: float) -> float:
+    """Return a function that changes its sign where one of some numbers passes 1 or -1."""
+    return float(np.prod(factors_beside(values, one)).real)
 
 
 def _without(multipliers: Complexes, critical: float) -> Complexes:

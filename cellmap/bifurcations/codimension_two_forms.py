@@ -17,7 +17,7 @@ from ..orbits.multipliers import multipliers_along
 from ..orbits.orbit_equations import OrbitProblem, natural_sizes
 from .homological import Centre, Term, normal_form_terms
 from .kinds import CodimensionTwoKind as Kind
-from .located_forms import CERTAIN, LocatedForms, Tensors
+from .normal_forms import CERTAIN, LocatedForms, Tensors
 
 _RESONANT = 1e-6  # difference of a multiplier and a product of multipliers that are taken for equal
 _ELSEWHERE = 1e-2  # error of critical multipliers, from which they are others

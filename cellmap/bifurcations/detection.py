@@ -11,7 +11,7 @@ from .._lib.arrays import Bools, Complexes, Floats, Ints
 from .._lib.computed import computed_once
 from ..maps.coordinates import wrap
 from ..orbits.arclength import ContinuationStep, SolutionPoint
-from ..orbits.multipliers import MARGIN, pair_on_circle, unstable_count
+from ..orbits.multipliers import MARGIN, factors_beside, pair_on_circle, products_of_pairs, unstable_count
 from ..orbits.orbit_equations import OrbitProblem
 from .branch import Bifurcation
 from .kinds import BifurcationKind
@@ -245,11 +245,9 @@ def signs(tests: Floats) -> Ints:
 def _factors_of(kind: BifurcationKind, multipliers: Complexes) -> Complexes:
     """Return the factors of a test function that is a product over multipliers, the smallest first."""
     if kind is BifurcationKind.PERIOD_DOUBLING:
-        found = (multipliers + 1.0) / (1.0 + np.abs(multipliers))
+        found = factors_beside(multipliers, -1.0)
     elif kind is BifurcationKind.NEIMARK_SACKER:
-        i, j = np.triu_indices(len(multipliers), 1)
-        products = multipliers[i] * multipliers[j]
-        found = (products - 1.0) / (1.0 + np.abs(products))
+        found = factors_beside(products_of_pairs(multipliers), 1.0)
     else:
         return multipliers[:0]
     return np.asarray(found[np.argsort(np.abs(found), kind="stable")])

@@ -17,11 +17,10 @@ from ..maps.point_map import PointMap
 from ..maps.system import ForcedSystem
 from ..orbits.attractor import Attractor
 from ..orbits.orbit_kinds import PeriodicOrbit
-from .crossings import Crossing, CrossingFunctions, MultiplierSource, crossings_on_lines
+from .crossings import BoundaryCurve, Crossing, CrossingFunctions, MultiplierSource, crossings_on_lines, linked
 from .floquet import linearise, swept_values
 from .intervals import interval_between
 from .orbit_grid import follow_over
-from .stability_curves import BoundaryCurve, linked
 
 _TOLERANCE = 1e-13  # of the monodromy matrices
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,12 +14,25 @@ from .._lib.arrays import Complexes, Floats
 from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import state_points
+from ..maps.multilinear import MultilinearForms, multilinear_forms
 from ..maps.point_map import PointMap
 from ..orbits.multipliers import multipliers_along
 from ..orbits.orbit_equations import OrbitProblem, natural_sizes
 from .homological import Centre, eigenvectors, normal_form_terms
 from .kinds import BifurcationKind
-from .located_forms import CERTAIN, LocatedForms
+
+CERTAIN = 3.0
+"""Errors that a coefficient is away from zero, from which on it counts as not zero."""
+
+_TRIALS = 8
+_SAFETY = 1.6  # over the standard deviation
+_ROUNDING = 2e-16
+_LOCATION = 5e-16  # error of the unknowns, in natural sizes
+_DISPLACEMENT = 1e-6  # the same, by which derivatives are compared
+_DEFICIENT = 1e-6  # singular value of the equations at a branch point
+
+Tensors = tuple[Floats, ...]
+Function = Callable[[Tensors], Any]
 
 _LARGEST = 1e6  # derivative of a map that is known well enough
 _SINGULAR = 1e-7  # product of the unit eigenvectors of a multiplier that is not simple
@@ -139,81 +154,144 @@ def form_at(problem: OrbitProblem, unknowns: Floats, kind: BifurcationKind) -> N
 
 
 def _form(located: LocatedForms, kind: BifurcationKind) -> NormalForm | None:
+    """Return the normal form, with the error that follows from those of the derivatives of the map."""
     known = float(np.abs(located.tensors[0]).max()) < _LARGEST
-    reduced = Reduction.of(kind, located.tensors, located.sizes) if known else None
-    return None if reduced is None else reduced.finished(located)
+    found = reduction(kind, located.tensors, located.sizes) if known else None
+    if found is None:
+        return None
+
+    def again(disturbed: Tensors) -> complex:
+        other = reduction(kind, disturbed, located.sizes)
+        return complex(np.nan) if other is None else other.coefficient
+
+    value = found.coefficient
+    error = located.error_of(value, again, found.off)
+    if not abs(value.real) > CERTAIN * error:
+        criticality = Criticality.DEGENERATE
+    elif _FORMS[kind] == "quadratic":
+        criticality = Criticality.GENERIC
+    elif (value.real > 0.0) == (kind is BifurcationKind.PERIOD_DOUBLING):
+        criticality = Criticality.SUPERCRITICAL
+    else:
+        criticality = Criticality.SUBCRITICAL
+    return NormalForm(
+        kind=kind,
+        coefficient=value.real,
+        imaginary=value.imag if kind is BifurcationKind.NEIMARK_SACKER else 0.0,
+        error=error,
+        criticality=criticality,
+        eigenvector=found.right * located.sizes,
+        adjoint=found.left / located.sizes,
+        exact=located.forms.exact,
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class Reduction:
-    """Coefficient of a normal form, and the eigenvectors, in natural sizes.
+class Reduction(NamedTuple):
+    """Coefficient of a normal form, by how much the critical multiplier is off its value, and the eigenvectors."""
 
-    The critical multiplier is `off` the value that it should have.
-    """
-
-    kind: BifurcationKind
     coefficient: complex
     off: float
     right: Complexes
     left: Complexes
 
-    @classmethod
-    def of(cls, kind: BifurcationKind, forms: tuple[Floats, ...], sizes: Floats) -> Reduction | None:
-        """Reduce a map with the derivatives A, B, C (n, d, ...) along a cycle; None without a complex pair."""
-        matrices = forms[0]
-        critical = -1.0 + 0.0j if kind is BifurcationKind.PERIOD_DOUBLING else 1.0 + 0.0j
-        multipliers = multipliers_along(matrices)
-        if kind is BifurcationKind.NEIMARK_SACKER:
-            upper = multipliers[multipliers.imag > 0.0]
-            if not len(upper):
-                return None
-            nearest = upper[np.argmin(np.abs(np.abs(upper) - 1.0))]
-            critical = nearest / abs(nearest)
-        along, p = eigenvectors(matrices, critical)
-        q = along[0] * sizes
-        largest = q[np.argmax(np.abs(q))]
-        scaled = abs(largest) / largest / np.linalg.norm(q)
-        off = float(np.abs(multipliers - critical).min())
-        centre = Centre.of(matrices, [critical], _SINGULAR)
-        if centre is None:
-            return cls(kind, complex(np.nan), off, along[0] * scaled, p)
-        value = coefficient(kind, forms, centre)
-        value *= scaled.real if _FORMS[kind] == "quadratic" else abs(scaled) ** 2
-        return cls(kind, value, off, along[0] * scaled, p / (p @ along[0] * scaled))
 
-    def finished(self, located: LocatedForms) -> NormalForm:
-        """Return the normal form, with the error that follows from those of the derivatives of the map."""
-
-        def again(disturbed: tuple[Floats, ...]) -> complex:
-            found = Reduction.of(self.kind, disturbed, located.sizes)
-            return complex(np.nan) if found is None else found.coefficient
-
-        value = self.coefficient
-        error = located.error_of(value, again, self.off)
-        known = bool(abs(value.real) > CERTAIN * error)
-        positive = value.real > 0.0
-        if not known:
-            criticality = Criticality.DEGENERATE
-        elif _FORMS[self.kind] == "quadratic":
-            criticality = Criticality.GENERIC
-        elif positive == (self.kind is BifurcationKind.PERIOD_DOUBLING):
-            criticality = Criticality.SUPERCRITICAL
-        else:
-            criticality = Criticality.SUBCRITICAL
-        return NormalForm(
-            kind=self.kind,
-            coefficient=value.real,
-            imaginary=value.imag if self.kind is BifurcationKind.NEIMARK_SACKER else 0.0,
-            error=error,
-            criticality=criticality,
-            eigenvector=self.right * located.sizes,
-            adjoint=self.left / located.sizes,
-            exact=located.forms.exact,
-        )
+def reduction(kind: BifurcationKind, forms: Tensors, sizes: Floats) -> Reduction | None:
+    """Reduce a map with the derivatives A, B, C (n, d, ...) along a cycle, in natural sizes; None without a pair."""
+    matrices = forms[0]
+    critical = -1.0 + 0.0j if kind is BifurcationKind.PERIOD_DOUBLING else 1.0 + 0.0j
+    multipliers = multipliers_along(matrices)
+    if kind is BifurcationKind.NEIMARK_SACKER:
+        upper = multipliers[multipliers.imag > 0.0]
+        if not len(upper):
+            return None
+        nearest = upper[np.argmin(np.abs(np.abs(upper) - 1.0))]
+        critical = nearest / abs(nearest)
+    along, p = eigenvectors(matrices, critical)
+    q = along[0] * sizes
+    largest = q[np.argmax(np.abs(q))]
+    scaled = abs(largest) / largest / np.linalg.norm(q)
+    off = float(np.abs(multipliers - critical).min())
+    centre = Centre.of(matrices, [critical], _SINGULAR)
+    if centre is None:
+        return Reduction(complex(np.nan), off, along[0] * scaled, p)
+    value = coefficient(kind, forms, centre) * (scaled.real if _FORMS[kind] == "quadratic" else abs(scaled) ** 2)
+    return Reduction(value, off, along[0] * scaled, p / (p @ along[0] * scaled))
 
 
-def coefficient(kind: BifurcationKind, forms: tuple[Floats, ...], centre: Centre) -> complex:
+def coefficient(kind: BifurcationKind, forms: Tensors, centre: Centre) -> complex:
     """Return the coefficient of the normal form of a map with the derivatives A, B, C along a cycle."""
     order, pair = (2 if _FORMS[kind] == "quadratic" else 3), kind is BifurcationKind.NEIMARK_SACKER
     value = normal_form_terms(forms[:order], centre, order)[0, (2, 1) if pair else (order,)]
     return value / complex(centre.linear[0, 0]) if pair else value
+
+
+@dataclass(frozen=True, eq=False)
+class LocatedForms:
+    """Derivatives of a map along a cycle, in natural sizes (d,), and along neighbours displaced along each unknown.
+
+    Those of order k are (2, neighbours, n, d, d, ...) for a cycle of n points.
+    """
+
+    forms: MultilinearForms
+    sizes: Floats
+
+    @classmethod
+    def at(cls, point_map: PointMap, point: Floats, period: int, sizes: Floats, order: int = 3) -> LocatedForms:
+        """Return the derivatives at a point that is known exactly."""
+        found = multilinear_forms(point_map, point[None], period, sizes, order=order)
+        return cls(replace(found, tensors=tuple(t[:, :, None] for t in found.tensors)), sizes)
+
+    @classmethod
+    def of(cls, problem: OrbitProblem, unknowns: Floats, order: int = 3) -> LocatedForms:
+        """Return the derivatives at unknowns (n d + m,) of an orbit problem, which have been located with an error.
+
+        One further step of Newton's method is made first.
+        """
+        d = problem.dimension
+        scale = np.append(problem.scale[:d], problem.scale[problem.states :])
+        residual, derivatives = problem(unknowns)
+        closed = unknowns - np.linalg.lstsq(derivatives, residual, rcond=_DEFICIENT)[0]
+        moves = np.vstack([np.zeros(len(scale)), _DISPLACEMENT * np.diag(scale)])
+        return cls(forms_along(problem, problem.cycle(closed) + moves[:, None], order), problem.scale[:d])
+
+    @property
+    def tensors(self) -> Tensors:
+        """Derivatives A, B, C, ... (n, d, d, ...) along the cycle."""
+        return self.forms.at(0, 0)
+
+    def error_of(self, value: Any, function: Function, off: float) -> Any:
+        """Return the error of numbers (...) that a function computes from the derivatives at the point.
+
+        These are disturbed at random, by as much as two evaluations differ, by rounding, by the error of the place, and
+        by that part of their size by which critical multipliers are `off` their value.  Infinite where a value is not
+        finite.
+        """
+        rng, scatter = np.random.default_rng(0), list[Any]()
+        for _ in range(_TRIALS):
+            moved = rng.standard_normal(self.forms.linear.shape[1] - 1) * _LOCATION / _DISPLACEMENT
+            disturbed = list[Floats]()
+            for both in self.forms.tensors:
+                tensor, others = both[0, 0], both[0, 1:]
+                apart = float(np.sqrt(np.mean((tensor - both[1, 0]) ** 2)))
+                level = np.hypot(apart, (off + _ROUNDING) * np.abs(tensor).max())
+                shift = np.tensordot(moved, np.nan_to_num(others - tensor), 1)
+                disturbed.append(tensor + shift + level * rng.standard_normal(tensor.shape))
+            scatter.append(np.abs(np.asarray(function(tuple(disturbed))) - value) ** 2)
+        error = _SAFETY * np.sqrt(np.mean(scatter, axis=0))
+        return np.where(np.isfinite(error), error, np.inf)[()]
+
+
+def forms_along(problem: OrbitProblem, states: Floats, order: int = 3, once: bool = False) -> MultilinearForms:
+    """Return the derivatives (2, k, n, d, d, ...) from each state (k, n, d + m) of some cycles to the next one."""
+    (number, nodes, width), count, sizes = states.shape, problem.divisions, problem.scale[: problem.dimension]
+    periods = problem.period * count // nodes
+    places = [states[:, k::count].reshape(-1, width) for k in range(count)]
+    parts = [
+        multilinear_forms(problem.swept, some, periods, sizes, once, order, part=(k, count))
+        for k, some in enumerate(places)
+    ]
+    tensors = list[Floats]()
+    for of_order in zip(*(part.tensors for part in parts), strict=True):
+        apart = [t.reshape(len(t), number, nodes // count, *t.shape[2:]) for t in of_order]
+        tensors.append(np.stack(apart, axis=3).reshape(len(apart[0]), number, nodes, *of_order[0].shape[2:]))
+    return MultilinearForms(tuple(tensors), all(part.exact for part in parts))

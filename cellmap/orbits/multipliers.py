@@ -88,6 +88,17 @@ def pairs_beside_one(multipliers: Complexes) -> Floats:
     return np.asarray(np.prod(multipliers[..., i] * multipliers[..., j] - 1.0, axis=-1).real)
 
 
+def factors_beside(values: Complexes, one: float) -> Complexes:
+    """Return the scaled differences (n,) of numbers from one that they may pass, 1 or -1."""
+    return np.asarray((values - one) / (1.0 + np.abs(values)))
+
+
+def products_of_pairs(multipliers: Complexes) -> Complexes:
+    """Return the products mu_i mu_j (d (d - 1) / 2,) of all pairs of multipliers (d,)."""
+    i, j = np.triu_indices(len(multipliers), 1)
+    return np.asarray(multipliers[i] * multipliers[j])
+
+
 def pair_on_circle(multipliers: Complexes) -> tuple[int, int]:
     """Return the numbers of the two of some multipliers (d,), d > 1, whose product is nearest to 1."""
     i, j = np.triu_indices(len(multipliers), 1)

@@ -12,7 +12,7 @@ from ..maps.coordinates import wrap
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
 from .arclength import SolutionPoint
-from .multipliers import multipliers_of_product
+from .multipliers import factors_beside, multipliers_of_product, products_of_pairs
 from .orbit_equations import OrbitProblem
 from .orbit_kinds import PeriodicOrbit
 
@@ -147,15 +147,11 @@ class ShootingProblem(OrbitProblem):
 
     def doublings(self, place: SolutionPoint) -> float:
         """Return a function that changes its sign where a multiplier passes -1."""
-        found = self.multipliers(place)
-        return float(np.prod((found + 1.0) / (1.0 + np.abs(found))).real)
+        return float(np.prod(factors_beside(self.multipliers(place), -1.0)).real)
 
     def pairs(self, place: SolutionPoint) -> float:
         """Return a function that changes its sign where a pair of multipliers has the product 1."""
-        found = self.multipliers(place)
-        i, j = np.triu_indices(len(found), 1)
-        products = found[i] * found[j]
-        return float(np.prod((products - 1.0) / (1.0 + np.abs(products))).real)
+        return float(np.prod(factors_beside(products_of_pairs(self.multipliers(place)), 1.0)).real)
 
 
 def _nodes(problem: OrbitProblem, parts: tuple[TangentMap, ...], state: Floats) -> Floats:

@@ -24,9 +24,8 @@ from cellmap.bifurcations import (
 from cellmap.bifurcations.atlas_families import Attractors, families_of
 from cellmap.bifurcations.circle_branches import _locked_rotation
 from cellmap.bifurcations.crossings import CrossingFunctions, Matrices
-from cellmap.bifurcations.lane_regions import _metrics
 from cellmap.bifurcations.orbit_grid import _links
-from cellmap.orbits.ellipsoids import directions
+from cellmap.orbits.ellipsoids import _metrics, directions
 
 LOGISTIC = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 2.0}, ("x",))
 

@@ -7,7 +7,7 @@ import pytest
 
 from cellmap.bifurcations import AtlasKind
 from cellmap.bifurcations.atlas_families import Attractors, Directory
-from cellmap.bifurcations.atlas_spreading import _neighbours, slow_ones
+from cellmap.bifurcations.coexistence import _neighbours, slow_ones
 
 SHAPE = (3, 4)  # rows, columns
 

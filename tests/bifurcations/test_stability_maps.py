@@ -10,7 +10,7 @@ import pytest
 
 from cellmap import PointMap, continue_orbit, discrete_map, periodic_orbit, set_threads, stability_map, stroboscopic_map
 from cellmap.bifurcations import Crossing, continue_bifurcation, critical_values
-from cellmap.bifurcations.stability_curves import linked
+from cellmap.bifurcations.crossings import linked
 from systems import driven_pendulum, henon_map
 
 AMPLITUDES = ("amplitude", np.linspace(0.0005, 0.014, 45))
