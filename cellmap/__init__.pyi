@@ -15,7 +15,7 @@ from .attractors.labels import Label as Label
 from .attractors.search import find_attractors as find_attractors
 from .basins.certification.certifying import certify as certify
 from .basins.finding import find_basins as find_basins
-from .basins.planning.planner import plan as plan
+from .basins.planning.plans import plan as plan
 from .basins.record import Basins as Basins
 from .basins.store import load_basins as load_basins
 from .basins.store import save_basins as save_basins

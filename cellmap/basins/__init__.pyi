@@ -11,11 +11,11 @@ from .finding import find_basins as find_basins
 from .live import LiveBasins as LiveBasins
 from .live import LiveFrame as LiveFrame
 from .live import LiveFrames as LiveFrames
-from .planning.options import Option as Option
-from .planning.planner import AccuracyWarning as AccuracyWarning
-from .planning.planner import plan as plan
+from .planning.plans import AccuracyWarning as AccuracyWarning
 from .planning.plans import Outcome as Outcome
 from .planning.plans import Plan as Plan
+from .planning.plans import plan as plan
+from .planning.predictions import Option as Option
 from .recompute import recompute_basins as recompute_basins
 from .record import Basins as Basins
 from .refining import BasinFrame as BasinFrame

@@ -14,8 +14,8 @@ from matplotlib.axes import Axes
 from .._lib.arrays import Floats
 from ..basins.by_features import FeatureBasins
 from ..basins.certification.certificate import Certificate, Evidence
-from ..basins.planning.options import Option
 from ..basins.planning.plans import Plan
+from ..basins.planning.predictions import Option
 from ..basins.record import Basins
 from ..maps.grid import CellGrid
 from ..orbits.attractor import Kind

@@ -27,8 +27,7 @@ from cellmap.basins.certification import certifying
 from cellmap.basins.continuation import _outermost, _seeds
 from cellmap.basins.initial_conditions import InitialConditions, Rows
 from cellmap.basins.label_store import InMemory, LabelStore, basins_memory
-from cellmap.basins.planning.extrapolation import slower
-from cellmap.basins.planning.measurements import Labelling, TableProbe
+from cellmap.basins.planning.predictions import Labelling, TableProbe, slower
 from cellmap.maps.interpolation.interpolated import table_memory
 
 CREEPS = discrete_map(lambda x, p: (x[0] - x[0] ** 3,), {}, ("x",))

@@ -12,9 +12,20 @@ import pytest
 
 from cellmap import CellGrid, discrete_map, interpolated_map, plan, plot, stroboscopic_map
 from cellmap.basins import AccuracyWarning
-from cellmap.basins.planning.extrapolation import error_of, fallback_of, sized, table_grids
-from cellmap.basins.planning.measurements import ExactProbe, Labelling, Measurements, TableProbe
-from cellmap.basins.planning.options import SAFETY, choose, options_of, parallel
+from cellmap.basins.planning.predictions import (
+    SAFETY,
+    ExactProbe,
+    Labelling,
+    Measurements,
+    TableProbe,
+    choose,
+    error_of,
+    fallback_of,
+    options_of,
+    parallel,
+    sized,
+    table_grids,
+)
 from cellmap.maps.interpolation.interpolated import table_memory
 from cellmap.maps.interpolation.spline_coefficients import number_of_nodes
 from systems import dimensionless_pendulum, henon_map

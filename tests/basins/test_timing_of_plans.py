@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, discrete_map, set_threads
-from cellmap.basins.planning import probing, table_probe, timing
-from cellmap.basins.planning.job import Job, places_in, some_initial_conditions
-from cellmap.basins.planning.measurements import Labelling
-from cellmap.basins.planning.timing import Trial
+from cellmap.basins.planning import probes
+from cellmap.basins.planning.predictions import Labelling
+from cellmap.basins.planning.probes import Job, Trial, places_in, some_initial_conditions
 
 HALVES = discrete_map(lambda x, p: (0.5 * x[0], 0.5 * x[1]), {}, ("x", "y"))
 SQUARE = CellGrid((-1.0, -1.0), (1.0, 1.0), (512, 512))
@@ -25,7 +24,7 @@ def job(grid=SQUARE, periods=None, point_map=HALVES):
 @pytest.fixture
 def clock(monkeypatch):
     now = SimpleNamespace(seconds=100.0)
-    monkeypatch.setattr(timing.time, "perf_counter", lambda: now.seconds)
+    monkeypatch.setattr(probes.time, "perf_counter", lambda: now.seconds)
     return now
 
 
@@ -49,7 +48,7 @@ def work_of(clock, durations):
 )
 def test_median_of_three_timings_or_of_those_that_fit_into_a_third_of_a_second(clock, durations, median, unused):
     work, left = work_of(clock, durations)
-    assert timing.median_seconds(work) == pytest.approx(median)
+    assert probes.median_seconds(work) == pytest.approx(median)
     assert len(left) == unused
 
 
@@ -66,31 +65,31 @@ def test_seconds_for_an_image(monkeypatch, threads):
     def advance(orbits, periods):
         made.append((len(orbits), periods))
 
-    monkeypatch.setattr(timing, "median_seconds", median)
-    found = timing.seconds_per_image(SimpleNamespace(advance=advance), SQUARE)
+    monkeypatch.setattr(probes, "median_seconds", median)
+    found = probes.seconds_per_image(SimpleNamespace(advance=advance), SQUARE)
     assert found == pytest.approx(0.1 * threads / 16384)
     assert sorted(made) == sorted([(16, 1), *[(16384 // threads, 1)] * threads])
 
 
 def test_grids_are_thinned_to_about_a_number_of_cells():
-    assert timing.thinned(SQUARE, 1600).shape == (40, 40)
-    assert timing.thinned(SQUARE, 512 * 512) is SQUARE
+    assert probes.thinned(SQUARE, 1600).shape == (40, 40)
+    assert probes.thinned(SQUARE, 512 * 512) is SQUARE
     slab = CellGrid((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (400, 1, 100))
-    assert timing.thinned(slab, 400).shape == (40, 1, 10)
+    assert probes.thinned(slab, 400).shape == (40, 1, 10)
     long = CellGrid((0.0, 0.0), (1.0, 1.0), (100_000, 2))
-    assert timing.thinned(long, 100).shape == (2236, 1)
+    assert probes.thinned(long, 100).shape == (2236, 1)
 
 
 def test_trials_label_or_iterate(clock):
     counts = iter([5, 905])
-    found = timing.label(
+    found = probes.label(
         job(CellGrid((-1.0, -1.0), (1.0, 1.0), (10, 10)), periods=7), HALVES, 100, lambda: next(counts)
     )
     assert (found.initial_conditions, found.periods, found.images) == (100, 7.0, 900)
     set_threads(2)
     assert Trial(100_000, 1.0, 1.0, 0).effort == 50_000
     assert Trial(100, 1.0, 1.0, 0).effort == 100
-    basins = timing.label(job(CellGrid((-1.0, -1.0), (1.0, 1.0), (10, 10))), HALVES, 100, int)
+    basins = probes.label(job(CellGrid((-1.0, -1.0), (1.0, 1.0), (10, 10))), HALVES, 100, int)
     assert 1.0 < basins.periods < 100.0
 
 
@@ -106,23 +105,23 @@ def test_time_of_labelling_is_fixed_and_for_each_point(monkeypatch, fixed):
         effort = Trial(number, 0.0, 0.0, 0).effort
         return Trial(number, fixed + 2e-5 * effort, 12.5, 3 * number)
 
-    monkeypatch.setattr(timing, "label", label)
-    found, periods, images = timing.time_labelling(job(), HALVES, int)
+    monkeypatch.setattr(probes, "label", label)
+    found, periods, images = probes.time_labelling(job(), HALVES, int)
     assert found.fixed == pytest.approx(fixed, abs=1e-12)
     assert found.per_point == pytest.approx(2e-5)
     assert (periods, images) == (12.5, pytest.approx(3.0))
     # From 1,600 on four times as many each, up to eight slices of work, until the search is the smaller part.
     assert asked == {0.0: [1600, 1600, 6400, 25600, 102400], 0.2: [1600, 1600, 6400, 25600, 102400],
                      2.0: [1600, 6400, 25600, 102400, 131072]}[fixed]  # fmt: skip
-    followed = timing.time_labelling(job(periods=9), HALVES, int)[0]
+    followed = probes.time_labelling(job(periods=9), HALVES, int)[0]
     assert followed.per_point == pytest.approx(2e-5 + fixed / Trial(asked[-1] - 1, 0, 0, 0).effort)
     assert followed.fixed == pytest.approx(max(0.0, fixed - 1600 * (followed.per_point - 2e-5)), abs=1e-9)
 
 
 def test_small_grids_are_labelled_as_a_whole(monkeypatch):
-    monkeypatch.setattr(timing, "label", lambda job, point_map, number, count: Trial(number, 0.7, 4.0, 2 * number))
+    monkeypatch.setattr(probes, "label", lambda job, point_map, number, count: Trial(number, 0.7, 4.0, 2 * number))
     small = CellGrid((-1.0, -1.0), (1.0, 1.0), (32, 100))
-    assert timing.time_labelling(job(small), HALVES, int) == (Labelling(0.7, 0.0), 4.0, 2.0)
+    assert probes.time_labelling(job(small), HALVES, int) == (Labelling(0.7, 0.0), 4.0, 2.0)
 
 
 # --- windows and tables
@@ -132,7 +131,7 @@ def test_the_window_is_that_of_the_orbits():
     """x' = 2 y, y' = x/4: from abs(x) <= 1, abs(y) <= 1 orbits reach x = 2 and no more than y = 1."""
     stretch = discrete_map(lambda x, p: (2.0 * x[1], 0.25 * x[0]), {}, ("x", "y"))
     grid = CellGrid((-1.0, -1.0), (1.0, 1.0), (100, 100))
-    window, beyond = probing.window_of_orbits(job(grid, point_map=stretch))
+    window, beyond = probes.window_of_orbits(job(grid, point_map=stretch))
     points = stretch.orbit(some_initial_conditions(grid, 1024), 32).points.reshape(-1, 2)
     low, high = np.quantile(points[:, 0], (0.002, 0.998))
     room = 0.05 * (high - low)
@@ -144,7 +143,7 @@ def test_the_window_is_that_of_the_orbits():
 
 def test_the_window_grows_by_the_width_of_the_grid_at_most():
     away = discrete_map(lambda x, p: (x[0] + 1.0, 0.5 * x[1]), {}, ("x", "y"))
-    window, beyond = probing.window_of_orbits(job(CellGrid((-1.0, 0.5), (1.0, 1.5), (10, 10)), point_map=away))
+    window, beyond = probes.window_of_orbits(job(CellGrid((-1.0, 0.5), (1.0, 1.5), (10, 10)), point_map=away))
     assert window.lower[0] == -1.0 and window.upper[0] == 3.0
     # y tends to 0: the window holds it with a margin of 5 % of 1.5.
     assert window.lower[1] == pytest.approx(-0.075, abs=1e-6) and window.upper[1] == 1.5
@@ -153,38 +152,38 @@ def test_the_window_grows_by_the_width_of_the_grid_at_most():
 
 def test_what_a_table_costs_besides_the_exact_map(monkeypatch):
     """Labels take 1e-6 s each, of which 0.25 images of 1e-6 s are the exact map's; a sixteenth of that near the end."""
-    sample = table_probe._Sample
+    sample = probes._Sample
     samples = [sample(32, HALVES, 1e-3, 1e-2, 0.5), sample(64, HALVES, 1e-4, 1e-3, 0.25)]
-    monkeypatch.setattr(table_probe, "seconds_per_image", lambda *_: 1e-6)
-    monkeypatch.setattr(table_probe, "_samples", lambda *_: (samples, 3e-7))
-    monkeypatch.setattr(table_probe, "_lookup_times", lambda *_: ((1000, 1e-8), (4000, 2e-8)))
+    monkeypatch.setattr(probes, "seconds_per_image", lambda *_: 1e-6)
+    monkeypatch.setattr(probes, "_samples", lambda *_: (samples, 3e-7))
+    monkeypatch.setattr(probes, "_lookup_times", lambda *_: ((1000, 1e-8), (4000, 2e-8)))
     timed = [Labelling(0.4, 1e-6), 20.0, 0.25]
-    monkeypatch.setattr(table_probe, "time_labelling", lambda *_: tuple(timed))
-    found = table_probe.table_probe(job(), SQUARE, 3)
+    monkeypatch.setattr(probes, "time_labelling", lambda *_: tuple(timed))
+    found = probes.table_probe(job(), SQUARE, 3)
     assert (found.order, found.cells, found.errors, found.raw) == (3, (32, 64), (1e-3, 1e-4), (1e-2, 1e-3))
     assert found.surplus == 3e-7
     assert found.labelling.fixed == 0.4 and found.labelling.per_point == pytest.approx(0.75e-6)
     assert found.fallback == ((32, pytest.approx(0.5)), (64, pytest.approx(0.25)))
     timed[2] = 0.99  # no more than nine tenths of a label are taken for the exact map's,
-    assert table_probe.table_probe(job(), SQUARE, 3).labelling.per_point == pytest.approx(1e-7)
+    assert probes.table_probe(job(), SQUARE, 3).labelling.per_point == pytest.approx(1e-7)
     timed[1] = 40.0  # and half of the time of its look-ups remains
-    assert table_probe.table_probe(job(), SQUARE, 3).labelling.per_point == pytest.approx(2e-7)
+    assert probes.table_probe(job(), SQUARE, 3).labelling.per_point == pytest.approx(2e-7)
     samples[:] = [sample(32, HALVES, 1e-3, 1e-2, 0.0), sample(64, HALVES, 1e-4, 1e-3, 0.0)]
-    assert table_probe.table_probe(job(), SQUARE, 3).fallback == ((32, pytest.approx(0.99)), (64, pytest.approx(0.99)))
+    assert probes.table_probe(job(), SQUARE, 3).fallback == ((32, pytest.approx(0.99)), (64, pytest.approx(0.99)))
     samples.clear()
-    assert table_probe.table_probe(job(), SQUARE, 3) is None
+    assert probes.table_probe(job(), SQUARE, 3) is None
 
 
 def test_images_are_counted():
-    exact, count = table_probe._counting(HALVES)
+    exact, count = probes._counting(HALVES)
     exact.iterate(np.zeros((7, 2)), 3)
     assert count() == 21
 
 
 def test_look_ups_are_timed_up_to_a_table_that_no_cache_holds(monkeypatch):
     """Coefficients take 8 d bytes a node; those timed have 64, 128, ... cells a side, up to 32 MiB."""
-    monkeypatch.setattr(table_probe, "median_seconds", lambda look: 0.5)
-    found = table_probe._lookup_times(HALVES, SQUARE, 3, 64)
+    monkeypatch.setattr(probes, "median_seconds", lambda look: 0.5)
+    found = probes._lookup_times(HALVES, SQUARE, 3, 64)
     assert [seconds for _, seconds in found] == [0.5 / 16384] * 5
     sizes = [size for size, _ in found]
     assert sizes == sorted(sizes) and all(3.0 < b / a < 4.1 for a, b in itertools.pairwise(sizes))
@@ -210,7 +209,7 @@ def test_the_largest_trial_is_the_last_however_quick_it_is(monkeypatch):
         assert len(asked) < 10
         return Trial(number - 7, 1e-9 * number, 3.0, 0)
 
-    monkeypatch.setattr(timing, "label", label)
-    found = timing.time_labelling(job(), HALVES, int)[0]
+    monkeypatch.setattr(probes, "label", label)
+    found = probes.time_labelling(job(), HALVES, int)[0]
     assert asked == [1600, 1600, 6372, 25488, 101952, 131072]
     assert found.per_point == pytest.approx(2e-9, rel=0.02)
