@@ -70,6 +70,11 @@ class Blob:
     cut: bool
 
     @property
+    def centre(self) -> complex:
+        """Centre as a complex number, column + 1j row."""
+        return complex(self.column, self.row)
+
+    @property
     def radius(self) -> float:
         """Radius of a disc of this area (pixels)."""
         return sqrt(self.area / pi)

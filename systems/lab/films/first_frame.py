@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import hypot, sqrt
 
 import numpy as np
@@ -10,44 +9,19 @@ from numpy.typing import ArrayLike
 
 from cellmap.utils import finite_number
 
-from .blobs import Blob, Box, find_blobs, otsu_threshold
+from .blobs import Blob, Box, otsu_threshold
 from .film import Film
-from .pixel_noise import PixelNoise, pixel_noise
-from .prediction import Memory, apart, box_around
+from .marker_search import Marker, Setup, box_around
+from .pixel_noise import pixel_noise
 
 _ROUND = 1.5  # a disc that travels by twice its radius while it is exposed
 _STANDS_OUT = 5.0  # standard deviations of dark pixels; normal noise does by 2.6, an even slope by 3.5
 
 
-@dataclass(frozen=True)
-class Setup:
-    """What does not change while markers are followed.
-
-    Parameters
-    ----------
-    threshold : float
-        Grey value above which pixels belong to markers.
-    window : float
-        How far from its foreseen place a marker may be (pixels).
-    interval : float
-        Usual time between two frames (s).
-    noise : PixelNoise
-        Noise of the pixels.
-    weighted : bool
-        Whether pixels are weighted by their grey values.
-    """
-
-    threshold: float
-    window: float
-    interval: float
-    noise: PixelNoise
-    weighted: bool
-
-
 def read_first_frame(
     film: Film, initial: ArrayLike, threshold: float | None, window: float | None, weighted: bool
-) -> tuple[Setup, list[Memory]]:
-    """Return the setup, and what is known of each marker from the first frame that is not missing."""
+) -> tuple[Setup, list[Marker]]:
+    """Return the setup, and the markers in the first frame that is not missing."""
     present = np.flatnonzero(~film.missing)
     if not present.size:
         raise ValueError("film: all frames are missing; give one with frames")
@@ -63,24 +37,20 @@ def read_first_frame(
                 f"{shape[1]} x {shape[0]} pixels"
             )
     reach = max(12.0, 0.1 * min(shape)) if window is None else finite_number("search_radius", window, at_least=2.0)
-    boxes = [box_around((float(c), float(r)), reach, 0.0, shape, None) for c, r in places]
-    windows = [box for box in boxes if box is not None]
-    near = [box_around((float(c), float(r)), max(12.0, 0.5 * reach), 0.0, shape, None) for c, r in places]
-    limit = _threshold(image, [box for box in near if box is not None], threshold)
-    noise = pixel_noise(film)
-    blobs = [_blob_at(image, box, places[k], k, limit, reach, noise, weighted) for k, box in enumerate(windows)]
+    starts = [complex(column, row) for column, row in places]
+    limit = _threshold(image, [box_around(start, max(12.0, 0.5 * reach), 0.0, shape) for start in starts], threshold)
+    interval = float(np.median(np.diff(film.times))) if len(film) > 1 else 1.0
+    setup, time = Setup(limit, reach, interval, pixel_noise(film), weighted), float(film.times[frame])
+    blobs = [_blob_at(image, start, k, setup) for k, start in enumerate(starts)]
     for k, blob in enumerate(blobs):
         for j in range(k):
-            if apart(blob, (blobs[j].column, blobs[j].row)) < 1.0:
+            if abs(blob.centre - blobs[j].centre) < 1.0:
                 raise ValueError(f"initial_positions[{j}] and [{k}] are at the same marker: give each its own")
-    time = float(film.times[frame])
-    interval = float(np.median(np.diff(film.times))) if len(film) > 1 else 1.0
-    memories = [Memory(b.radius, (b.column, b.row), time, (b.column, b.row), time) for b in blobs]
-    return Setup(limit, reach, interval, noise, weighted), memories
+    return setup, [Marker(k, b.radius, b.centre, time, b.centre, time) for k, b in enumerate(blobs)]
 
 
-def _threshold(image: np.ndarray, windows: list[Box], given: float | None) -> float:
-    pixels = np.concatenate([image[a:b, c:d].ravel() for a, b, c, d in windows])
+def _threshold(image: np.ndarray, windows: list[Box | None], given: float | None) -> float:
+    pixels = np.concatenate([image[box[0] : box[1], box[2] : box[3]].ravel() for box in windows if box is not None])
     low, high = float(pixels.min()), float(pixels.max())
     if low == high:
         raise ValueError(f"film: all pixels of the first windows are {low:g}; give positions of markers, in a lit film")
@@ -106,28 +76,19 @@ def _threshold(image: np.ndarray, windows: list[Box], given: float | None) -> fl
     return limit
 
 
-def _blob_at(
-    image: np.ndarray,
-    box: Box,
-    start: np.ndarray,
-    number: int,
-    threshold: float,
-    reach: float,
-    noise: PixelNoise,
-    weighted: bool,
-) -> Blob:
+def _blob_at(image: np.ndarray, place: complex, number: int, setup: Setup) -> Blob:
     """Return the blob nearest to an initial position, which must be whole."""
-    place = float(start[0]), float(start[1])
-    blobs = find_blobs(image, box, threshold, (3.0, np.inf), noise, weighted)
-    near = sorted((apart(blob, place), k) for k, blob in enumerate(blobs))
-    name = f"initial_positions[{number}]=({place[0]:g}, {place[1]:g})"
+    threshold, reach = setup.threshold, setup.window
+    blobs = setup.blobs(image, box_around(place, reach, 0.0, image.shape), (3.0, np.inf))
+    near = sorted((abs(blob.centre - place), k) for k, blob in enumerate(blobs))
+    name = f"initial_positions[{number}]=({place.real:g}, {place.imag:g})"
     if not near or near[0][0] > max(0.5 * reach, blobs[near[0][1]].radius):
         raise ValueError(
             f"{name}: no marker is above the grey value {threshold:g} within {0.5 * reach:g} pixels; give a place "
             "at one, or another threshold; of dark markers, the negative of the film"
         )
     blob = blobs[near[0][1]]
-    here = float(image[round(place[1]), round(place[0])])
+    here = float(image[round(place.imag), round(place.real)])
     if (blob.clipped or blob.cut) and here <= threshold < blob.plateau:
         raise ValueError(
             f"{name}: it is dark there, {here:g}, and what is above the grey value {threshold:g} around it goes beyond "

@@ -1,26 +1,141 @@
-"""The search for all markers in one frame after another: candidates, what they cost, and what was seen."""
+"""The search for all markers in one frame after another: candidates, what they cost, and what was seen.
+
+Places in the image are complex numbers here, column + 1j row.
+"""
 
 from __future__ import annotations
 
-from collections import defaultdict
+from cmath import phase, rect
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import atan2, hypot, log, pi, remainder
+from math import hypot, inf, log, nan, pi, remainder
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
 from .assignment import Choice, match
-from .blobs import Blob, find_blobs, smeared_area
+from .blobs import Blob, Box, find_blobs, smeared_area
 from .film import Film
-from .first_frame import Setup
-from .prediction import Memory, Place, apart, box_around, joined
+from .pixel_noise import PixelNoise
 from .tracks import MarkerStatus, Rail, Rod
 
 _WHOLE = (0.9, 1.15)  # area over the expected one, of a marker that is seen whole and alone
 _BACK = (1, 6, 25)  # sights of a marker, counted back, among which a bright object that stands is looked for
 _RIVAL = 0.2  # difference of costs below which two markers may be mistaken for each other
+_SHORT = 3  # frames over which a velocity is still taken
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What does not change while markers are followed.
+
+    Parameters
+    ----------
+    threshold : float
+        Grey value above which pixels belong to markers.
+    window : float
+        How far from its foreseen place a marker may be (pixels).
+    interval : float
+        Usual time between two frames (s).
+    noise : PixelNoise
+        Noise of the pixels.
+    weighted : bool
+        Whether pixels are weighted by their grey values.
+    """
+
+    threshold: float
+    window: float
+    interval: float
+    noise: PixelNoise
+    weighted: bool
+
+    def blobs(self, image: NDArray[np.generic], box: Box | None, areas: tuple[float, float]) -> list[Blob]:
+        """Return the blobs in a box of an image with areas in a range."""
+        return [] if box is None else find_blobs(image, box, self.threshold, areas, self.noise, self.weighted)
+
+
+@dataclass
+class Marker:
+    """A marker, what holds it, and what is remembered of it from frame to frame.
+
+    Parameters
+    ----------
+    number : int
+        Its number.
+    radius : float
+        Radius of its blob at rest (pixels).
+    place, time : complex, float
+        Where it was last, or must have been, and when (s).
+    sighted, seen : complex, float
+        Where it was last seen whole, and when (s).
+    rod, rail : Rod, Rail or None
+        What holds it.
+    velocity : complex or None
+        Velocity (pixels/s); None until it has been seen twice in short order.
+    angle, sighted_angle : float or None
+        Direction from its pivot (rad, from the right, rows down) at `time`, and when it was last seen whole.
+    turning : float or None
+        Its rate (rad/s).
+    steps : int
+        Frames since it was last seen whole.
+    foreseen, reach : complex, float
+        Where it should be in the frame at hand, and how far around that it is looked for.
+    sightings : list of int
+        Frames in which it was seen whole.
+    """
+
+    number: int
+    radius: float
+    place: complex
+    time: float
+    sighted: complex
+    seen: float
+    rod: Rod | None = None
+    rail: Rail | None = None
+    velocity: complex | None = None
+    angle: float | None = None
+    sighted_angle: float | None = None
+    turning: float | None = None
+    steps: int = 0
+    foreseen: complex = 0j
+    reach: float = 0.0
+    sightings: list[int] = field(default_factory=list)
+
+    def ahead(self, time: float, pivot: complex | None) -> complex:
+        """Return the place at a time: straight on, or on along the circle about the pivot."""
+        passed = time - self.time
+        if pivot is not None and self.rod is not None and self.angle is not None:
+            return pivot + rect(self.rod.length, self.angle + (self.turning or 0.0) * passed)
+        return self.place + (self.velocity or 0j) * passed
+
+    def saw(self, place: complex, time: float, pivot: complex | None) -> None:
+        """Remember that the marker was seen whole."""
+        passed = time - self.seen
+        angle = None if pivot is None else phase(place - pivot)
+        self.velocity = self.turning = None
+        if self.steps <= _SHORT and passed > 0.0:
+            self.velocity = (place - self.sighted) / passed
+            if angle is not None and self.sighted_angle is not None:
+                self.turning = remainder(angle - self.sighted_angle, 2.0 * pi) / passed
+        self.place = self.sighted = place
+        self.time = self.seen = time
+        self.angle = self.sighted_angle = angle
+        self.steps = 0
+
+    def glimpsed(self, place: complex, time: float, pivot: complex | None) -> None:
+        """Remember about where it must have been, without a new velocity."""
+        self.place, self.time = place, time
+        if pivot is not None:
+            self.angle = phase(place - pivot)
+
+    def travel(self, place: complex, time: float, exposure: float) -> float:
+        """Return how far it moves in an exposure, by its mean speed since it was last seen whole (pixels)."""
+        return exposure * abs(place - self.sighted) / (time - self.seen) if time > self.seen else 0.0
+
+    def misfit(self, place: complex, pivot: complex) -> float:
+        """Return by how much its distance from a pivot differs from the length of its rod; 0 without a rod."""
+        return 0.0 if self.rod is None else self.rod.misfit((place.real, place.imag), (pivot.real, pivot.imag))
 
 
 @dataclass(frozen=True)
@@ -29,197 +144,197 @@ class Sight:
 
     status: MarkerStatus
     blob: Blob | None = None
-    ratio: float = float("nan")
+    ratio: float = nan
 
 
 @dataclass
 class Search:
-    """The state of a search: what does not change, what is remembered of each marker, and where it was seen when."""
+    """The state of a search: what does not change, the markers, and where each was seen in which frame."""
 
     film: Film
     setup: Setup
-    rods: dict[int, Rod]
-    rails: dict[int, Rail]
     tolerance: float
-    memories: list[Memory]
-    seen: dict[int, dict[int, Place]] = field(default_factory=dict)
-    sighted: dict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
+    markers: list[Marker]
+    seen: dict[int, dict[int, complex]] = field(default_factory=dict)
 
     def look(self, frame: int) -> list[Sight]:
         """Look for all markers in a frame, and remember what was found."""
-        time, image = float(self.film.times[frame]), self.film.frames[frame]
-        diagonal = hypot(*self.film.shape)
-        places: list[Place] = []
-        reaches: list[float] = []
-        for marker, memory in enumerate(self.memories):
-            reach = memory.reach(self.setup.window, time, self.setup.interval)
-            reaches.append(min(reach, diagonal))
-            places.append(self._foreseen(marker, time, self._pivot(marker, places)))
-        blobs = self._blobs(image, places, reaches)
-        costs = np.full((len(places), len(blobs)), np.inf)
-        ratios = np.ones_like(costs)
-        for marker, memory in enumerate(self.memories):
+        time, image, (height, width) = float(self.film.times[frame]), self.film.frames[frame], self.film.shape
+        for marker in self.markers:
+            wider = max(1.0, (time - marker.time) / self.setup.interval) * (1.0 if marker.velocity is not None else 2.0)
+            marker.reach = min(self.setup.window * wider, hypot(height, width))
+            pivot = self._pivot(marker)
+            place = marker.ahead(time, pivot)
+            if marker.steps and pivot is None:  # free and lost, it is sought in the whole image
+                place = complex(min(max(place.real, 0.0), width - 1.0), min(max(place.imag, 0.0), height - 1.0))
+            marker.foreseen = place
+        blobs = self._blobs(image)
+        costs, ratios = np.ones((2, len(self.markers), len(blobs)))
+        for k, marker in enumerate(self.markers):
             for j, blob in enumerate(blobs):
-                travel = self.film.exposure * memory.speed((blob.column, blob.row), time)
-                ratios[marker, j] = blob.area / smeared_area(memory.radius, travel)
-                costs[marker, j] = self._cost(marker, blob, ratios[marker, j], places, reaches)
-        choice = match(costs, lambda chosen: self._conflict(chosen, blobs))
-        choice = self._sure(choice, costs)
-        sights = [self._judge(m, choice[m], blobs, ratios, time) for m in range(len(places))]
-        self._divide(sights, choice, blobs, places)
-        self._remember(sights, places, time, frame)
+                travel = marker.travel(blob.centre, time, self.film.exposure)
+                ratios[k, j] = blob.area / smeared_area(marker.radius, travel)
+                costs[k, j] = self._cost(marker, blob, ratios[k, j])
+        choice = self._sure(match(costs, lambda chosen: self._conflict(chosen, blobs)), costs)
+        sights = [
+            self._judge(marker, blobs[number], float(ratios[marker.number, number]), time)
+            if number >= 0
+            else Sight(MarkerStatus.LOST)
+            for marker, number in zip(self.markers, choice, strict=True)
+        ]
+        self._divide(sights, choice, blobs)
+        self._remember(sights, time, frame)
         return sights
 
-    def _foreseen(self, marker: int, time: float, pivot: Place | None) -> Place:
-        """Return the expected place of a marker; one that is free and lost is sought in the whole image."""
-        memory = self.memories[marker]
-        place = memory.ahead(time, pivot, self.rods.get(marker))
-        if memory.steps == 0 or pivot is not None:
-            return place
-        height, width = self.film.shape
-        return min(max(place[0], 0.0), width - 1.0), min(max(place[1], 0.0), height - 1.0)
-
-    def _pivot(self, marker: int, places: Sequence[Place]) -> Place | None:
+    def _pivot(self, marker: Marker) -> complex | None:
         """Return the place of a marker's pivot; None without a rod, and where the pivot is a marker not seen."""
-        rod = self.rods.get(marker)
-        if rod is None:
+        if marker.rod is None:
             return None
-        if isinstance(rod.pivot, int):
-            return places[rod.pivot] if self.memories[rod.pivot].steps == 0 else None
-        return rod.pivot
+        if isinstance(marker.rod.pivot, tuple):
+            return complex(*marker.rod.pivot)
+        base = self.markers[marker.rod.pivot]
+        return base.foreseen if base.steps == 0 else None
 
-    def _blobs(self, image: NDArray[np.generic], places: list[Place], reaches: list[float]) -> list[Blob]:
+    def _blobs(self, image: NDArray[np.generic]) -> list[Blob]:
         boxes = []
-        for marker, (place, reach) in enumerate(zip(places, reaches, strict=True)):
-            rod, radius = self.rods.get(marker), self.memories[marker].radius
-            pivot = self._pivot(marker, places)
-            circle = None
-            if rod is not None and pivot is not None:
-                loose = reaches[rod.pivot] if isinstance(rod.pivot, int) else rod.travel
-                circle = pivot, rod.length + self.tolerance + loose
-            box = box_around(place, reach, 2.0 * radius + 5.0, self.film.shape, circle)
-            if box is not None:
-                boxes.append(box)
-        radii = [memory.radius for memory in self.memories]
+        for marker in self.markers:
+            pivot, circle = self._pivot(marker), None
+            if marker.rod is not None and pivot is not None:
+                base = marker.rod.pivot
+                loose = self.markers[base].reach if isinstance(base, int) else marker.rod.travel
+                circle = pivot, marker.rod.length + self.tolerance + loose
+            boxes.append(box_around(marker.foreseen, marker.reach, 2.0 * marker.radius + 5.0, self.film.shape, circle))
+        radii = [marker.radius for marker in self.markers]
         counts = 0.3 * min(radii) ** 2, 30.0 * max(radii) ** 2
-        setup = self.setup
-        return [
-            blob
-            for box in joined(boxes)
-            for blob in find_blobs(image, box, setup.threshold, counts, setup.noise, setup.weighted)
-        ]
+        return [blob for box in _joined(boxes) for blob in self.setup.blobs(image, box, counts)]
 
-    def _cost(self, marker: int, blob: Blob, ratio: float, places: list[Place], reaches: list[float]) -> float:
+    def _cost(self, marker: Marker, blob: Blob, ratio: float) -> float:
         """Return the cost of taking a blob for a marker, below 1; infinite where it cannot be."""
-        memory, rod, rail = self.memories[marker], self.rods.get(marker), self.rails.get(marker)
-        place, reach, centre = places[marker], reaches[marker], (blob.column, blob.row)
         if blob.cut or not 0.2 < ratio < 4.0:
-            return np.inf
-        whole = _WHOLE[0] < ratio < _WHOLE[1] and not blob.clipped
-        slack = self.tolerance + (0.0 if whole else memory.radius)
-        if rail is not None and abs(blob.column - rail.column) > slack:
-            return np.inf
-        distance = apart(blob, place)
-        if rod is not None and isinstance(rod.pivot, int):
-            if memory.steps > 0 and rod.misfit(centre, places[rod.pivot]) > slack + reaches[rod.pivot]:
-                return np.inf
-        elif rod is not None and isinstance(rod.pivot, tuple):
-            pivot = rod.pivot
-            if rod.misfit(centre, pivot) > slack:
-                return np.inf
-            if memory.angle is not None:
-                turned = atan2(centre[1] - pivot[1], centre[0] - pivot[0]) - atan2(
-                    place[1] - pivot[1], place[0] - pivot[0]
-                )
-                distance = min(distance, rod.length * abs(remainder(turned, 2.0 * pi)))
-        if distance > reach:
-            return np.inf
-        if not whole and distance > 2.0 * memory.radius:
-            return np.inf
-        foreseen = memory.steps == 0 and distance <= memory.radius
+            return inf
+        whole = _is_whole(blob, ratio)
+        slack = self.tolerance + (0.0 if whole else marker.radius)
+        if marker.rail is not None and abs(blob.column - marker.rail.column) > slack:
+            return inf
+        distance = abs(blob.centre - marker.foreseen)
+        if marker.rod is not None and isinstance(marker.rod.pivot, int):
+            base = self.markers[marker.rod.pivot]
+            if marker.steps > 0 and marker.misfit(blob.centre, base.foreseen) > slack + base.reach:
+                return inf
+        elif marker.rod is not None and isinstance(marker.rod.pivot, tuple):
+            pivot = complex(*marker.rod.pivot)
+            if marker.misfit(blob.centre, pivot) > slack:
+                return inf
+            if marker.angle is not None:
+                turned = phase((blob.centre - pivot) * (marker.foreseen - pivot).conjugate())
+                distance = min(distance, marker.rod.length * abs(turned))
+        if distance > marker.reach or (not whole and distance > 2.0 * marker.radius):
+            return inf
+        foreseen = marker.steps == 0 and distance <= marker.radius
         if not foreseen and self._stood(marker, blob):
-            return np.inf
-        found_again = 0.0 if foreseen else 0.2
-        return 0.5 * (distance / reach) ** 2 + 0.25 * min(1.0, abs(log(ratio)) / log(2.0)) + found_again
+            return inf
+        unlike = 0.25 * min(1.0, abs(log(ratio)) / log(2.0))
+        return 0.5 * (distance / marker.reach) ** 2 + unlike + (0.0 if foreseen else 0.2)
 
-    def _stood(self, marker: int, blob: Blob) -> bool:
+    def _stood(self, marker: Marker, blob: Blob) -> bool:
         """Return whether a blob stood at its place while the marker was seen whole elsewhere: no marker then."""
-        box = box_around((blob.column, blob.row), blob.radius, blob.radius + 4.0, self.film.shape, None)
-        if box is None:
-            return False
-        setup, counts = self.setup, (0.5 * blob.area, 2.0 * blob.area)
+        box = box_around(blob.centre, blob.radius, blob.radius + 4.0, self.film.shape)
         # A rod may have passed before it in one frame, hardly in all.
-        frames = self.sighted[marker]
+        frames = marker.sightings
         for frame in {frames[max(len(frames) - back, 0)] for back in _BACK} if frames else set():
-            places = self.seen[frame]
-            if any(apart(blob, place) < self.memories[which].radius for which, place in places.items()):
+            if any(abs(blob.centre - place) < self.markers[k].radius for k, place in self.seen[frame].items()):
                 continue
-            before = find_blobs(self.film.frames[frame], box, setup.threshold, counts, setup.noise, setup.weighted)
-            if any(apart(old, (blob.column, blob.row)) < 0.5 * blob.radius for old in before):
+            before = self.setup.blobs(self.film.frames[frame], box, (0.5 * blob.area, 2.0 * blob.area))
+            if any(abs(old.centre - blob.centre) < 0.5 * blob.radius for old in before):
                 return True
         return False
 
     def _conflict(self, choice: Choice, blobs: list[Blob]) -> tuple[int, int] | None:
-        for marker, rod in self.rods.items():
-            if not isinstance(rod.pivot, int) or choice[marker] < 0 or choice[rod.pivot] < 0:
+        for k, marker in enumerate(self.markers):
+            pivot = None if marker.rod is None else marker.rod.pivot
+            if not isinstance(pivot, int) or choice[k] < 0 or choice[pivot] < 0:
                 continue
-            end, pivot = blobs[choice[marker]], blobs[choice[rod.pivot]]
-            slack = self.tolerance
-            for which, blob in ((marker, end), (rod.pivot, pivot)):
-                ratio = blob.area / (pi * self.memories[which].radius ** 2)
-                slack += 0.0 if _WHOLE[0] < ratio < _WHOLE[1] and not blob.clipped else self.memories[which].radius
-            if rod.misfit((end.column, end.row), (pivot.column, pivot.row)) > slack:
-                return marker, rod.pivot
+            pair = [(self.markers[n], blobs[choice[n]]) for n in (k, pivot)]
+            slack = sum(0.0 if _is_whole(b, b.area / (pi * m.radius**2)) else m.radius for m, b in pair)
+            if marker.misfit(pair[0][1].centre, pair[1][1].centre) > self.tolerance + slack:
+                return k, pivot
         return None
 
     def _sure(self, choice: Choice, costs: Floats) -> Choice:
         """Leave out blobs found again that may as well be another marker that is lost."""
-        lost = [marker for marker, memory in enumerate(self.memories) if memory.steps > 0 and choice[marker] < 0]
+        lost = [marker.number for marker in self.markers if marker.steps > 0 and choice[marker.number] < 0]
         sure = list(choice)
-        for marker, number in enumerate(choice):
-            if number >= 0 and self.memories[marker].steps > 0:
-                rival = min((costs[other, number] for other in lost), default=np.inf)
-                if rival < costs[marker, number] + _RIVAL:
-                    sure[marker] = -1
+        for k, number in enumerate(choice):
+            if number >= 0 and self.markers[k].steps > 0:
+                rival = min((costs[other, number] for other in lost), default=inf)
+                sure[k] = -1 if rival < costs[k, number] + _RIVAL else number
         return sure
 
-    def _judge(self, marker: int, number: int, blobs: list[Blob], ratios: Floats, time: float) -> Sight:
-        if number < 0:
-            return Sight(MarkerStatus.LOST)
-        blob, ratio, memory = blobs[number], float(ratios[marker, number]), self.memories[marker]
-        smear = self.film.exposure * memory.speed((blob.column, blob.row), time) / (2.0 * memory.radius)
-        if blob.clipped or ratio < _WHOLE[0] - 0.2 * min(smear, 1.0):
+    def _judge(self, marker: Marker, blob: Blob, ratio: float, time: float) -> Sight:
+        smear = min(marker.travel(blob.centre, time, self.film.exposure) / (2.0 * marker.radius), 1.0)
+        if blob.clipped or ratio < _WHOLE[0] - 0.2 * smear:
             return Sight(MarkerStatus.PARTIAL, blob, ratio)
-        if ratio > _WHOLE[1] + 0.3 * min(smear, 1.0):
-            return Sight(MarkerStatus.MERGED, blob, ratio)
-        return Sight(MarkerStatus.SEEN, blob, ratio)
+        return Sight(MarkerStatus.MERGED if ratio > _WHOLE[1] + 0.3 * smear else MarkerStatus.SEEN, blob, ratio)
 
-    def _divide(self, sights: list[Sight], choice: Choice, blobs: list[Blob], places: list[Place]) -> None:
+    def _divide(self, sights: list[Sight], choice: Choice, blobs: list[Blob]) -> None:
         """Flag blobs in which two markers are foreseen: which one is in front is not known."""
-        for marker, memory in enumerate(self.memories):
-            if choice[marker] >= 0 or (memory.steps > 0 and memory.time == memory.seen):
+        for k, marker in enumerate(self.markers):
+            if choice[k] >= 0 or (marker.steps > 0 and marker.time == marker.seen):
                 continue
             for other, number in enumerate(choice):
-                if number >= 0 and apart(blobs[number], places[marker]) < blobs[number].radius:
-                    both = Sight(MarkerStatus.MERGED, blobs[number], sights[other].ratio)
-                    sights[marker] = sights[other] = both
+                if number >= 0 and abs(blobs[number].centre - marker.foreseen) < blobs[number].radius:
+                    sights[k] = sights[other] = Sight(MarkerStatus.MERGED, blobs[number], sights[other].ratio)
 
-    def _remember(self, sights: list[Sight], places: list[Place], time: float, frame: int) -> None:
-        now: list[Place] = []
-        for marker, (memory, sight) in enumerate(zip(self.memories, sights, strict=True)):
-            place, pivot = places[marker], self._pivot(marker, now)
-            if sight.blob is None:
-                memory.steps += 1
-            else:
-                centre = sight.blob.column, sight.blob.row
-                if sight.status == MarkerStatus.SEEN:
-                    place = centre
-                    memory.saw(place, time, pivot)
-                    self.sighted[marker].append(frame)
-                    self.seen.setdefault(frame, {})[marker] = place
-                else:
-                    if sight.status == MarkerStatus.PARTIAL or apart(sight.blob, place) > sight.blob.radius:
-                        place = centre
-                    memory.glimpsed(place, time, pivot)
-                    memory.steps += 1
-            now.append(place)
+    def _remember(self, sights: list[Sight], time: float, frame: int) -> None:
+        for marker, sight in zip(self.markers, sights, strict=True):
+            pivot, blob = self._pivot(marker), sight.blob
+            if blob is not None and sight.status == MarkerStatus.SEEN:
+                marker.foreseen = blob.centre
+                marker.saw(blob.centre, time, pivot)
+                marker.sightings.append(frame)
+                self.seen.setdefault(frame, {})[marker.number] = blob.centre
+                continue
+            if blob is not None:
+                if sight.status == MarkerStatus.PARTIAL or abs(blob.centre - marker.foreseen) > blob.radius:
+                    marker.foreseen = blob.centre
+                marker.glimpsed(marker.foreseen, time, pivot)
+            marker.steps += 1
+
+
+def _is_whole(blob: Blob, ratio: float) -> bool:
+    return _WHOLE[0] < ratio < _WHOLE[1] and not blob.clipped
+
+
+def box_around(
+    place: complex, reach: float, margin: float, shape: tuple[int, int], circle: tuple[complex, float] | None = None
+) -> Box | None:
+    """Return the part of the image within `reach` of a place, and of a circle's surroundings; None for none.
+
+    The margin holds blobs whole whose centres are within.
+    """
+    both = 1.0 + 1.0j
+    low, high = place - reach * both, place + reach * both
+    if circle is not None:
+        least, most = circle[0] - circle[1] * both, circle[0] + circle[1] * both
+        low = complex(max(low.real, least.real), max(low.imag, least.imag))
+        high = complex(min(high.real, most.real), min(high.imag, most.imag))
+    top, left = max(int(low.imag - margin), 0), max(int(low.real - margin), 0)
+    bottom, right = min(int(high.imag + margin) + 2, shape[0]), min(int(high.real + margin) + 2, shape[1])
+    return (top, bottom, left, right) if bottom > top and right > left else None
+
+
+def _joined(boxes: Sequence[Box | None]) -> list[Box]:
+    """Return boxes of which none overlap, around those that do."""
+    kept: list[Box] = []
+    for box in boxes:
+        now = box
+        while now is not None:
+            a, b, c, d = now
+            group = [k for k in kept if k[0] < b and a < k[1] and k[2] < d and c < k[3]]
+            kept = [k for k in kept if k not in group]
+            if not group:
+                kept.append(now)
+                break
+            tops, bottoms, lefts, rights = zip(now, *group, strict=True)
+            now = min(tops), max(bottoms), min(lefts), max(rights)
+    return kept

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
-from .tracks import MarkerStatus
+from .tracks import MarkerStatus, Tracks
 
 # How much an area may differ from the usual one, at least and in standard deviations: anywhere, and beside flags.
 _STANDS_OUT = (0.04, 4.5)
@@ -20,10 +20,9 @@ _MISSED = 20.0  # pixels, and
 _MISSED_RADII = 4.0  # radii, that it would usually have moved meanwhile: six times what it does at a turning point
 
 
-def flag_areas(status: NDArray[np.uint8], areas: Floats) -> None:
+def flag_areas(tracks: Tracks) -> None:
     """Flag sights whose areas stand out among those of the marker, and less sure ones next to flagged frames."""
-    for marker in range(status.shape[1]):
-        column, area = status[:, marker], areas[:, marker]
+    for column, area in zip(tracks.status.T, tracks.areas.T, strict=True):
         seen = column == MarkerStatus.SEEN
         if not seen.any():
             continue
@@ -41,11 +40,12 @@ def flag_areas(status: NDArray[np.uint8], areas: Floats) -> None:
                 flagged = bool(column[k] != MarkerStatus.SEEN)
 
 
-def flag_repeats(status: NDArray[np.uint8], centroids: Floats, errors: Floats, areas: Floats) -> None:
+def flag_repeats(tracks: Tracks) -> None:
     """Flag frames that repeat the one before to the last bit, in the middle of a motion, as missing.
 
     Recorders put them in the place of frames that they lost.  Where markers stand, a repeated frame tells the truth.
     """
+    centroids, errors, areas = tracks.centroids, tracks.errors, tracks.areas
     known = np.isfinite(areas)
     frames = np.flatnonzero(known.any(axis=1))
     if frames.size < 3:
@@ -58,18 +58,15 @@ def flag_repeats(status: NDArray[np.uint8], centroids: Floats, errors: Floats, a
     repeated = np.zeros(len(frames), bool)
     for first, past in np.flatnonzero(np.diff(same, prepend=False, append=False)).reshape(-1, 2).tolist():
         repeated[first + 1 : past + 1] = first > 0 and past < len(same) and moving[first - 1] and moving[past]
-    status[frames[repeated]] = MarkerStatus.NO_FRAME
+    tracks.status[frames[repeated]] = MarkerStatus.NO_FRAME
 
 
-def flag_standing(
-    status: NDArray[np.uint8], centroids: Floats, errors: Floats, times: Floats, radii: list[float]
-) -> None:
+def flag_standing(tracks: Tracks, radii: list[float]) -> None:
     """Flag what was found again after a loss and stands, where the marker never stood so long before, as lost."""
     for marker, radius in enumerate(radii):
-        column = status[:, marker]
+        column = tracks.status[:, marker]
         frames = np.flatnonzero(column == MarkerStatus.SEEN)
-        places, moments = centroids[frames, marker], times[frames]
-        spread = errors[frames, marker]
+        places, moments, spread = tracks.centroids[frames, marker], tracks.times[frames], tracks.errors[frames, marker]
         noise = float(np.median(spread[np.isfinite(spread)])) if np.isfinite(spread).any() else 0.0
         still = max(_STILL, 4.0 * noise)
         absent = np.cumsum(column == MarkerStatus.LOST)[frames]

@@ -8,24 +8,21 @@ that a rod allows.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import hypot
-from typing import TypeVar
+from copy import deepcopy
+from dataclasses import replace
+from math import sqrt
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cellmap.utils import finite_number, progress_bar, whole_number
 
-from ..arrays import Floats
 from .error_estimates import widen_errors
 from .film import Film
 from .first_frame import read_first_frame
-from .marker_search import Search
+from .marker_search import Marker, Search
 from .outliers import flag_areas, flag_repeats, flag_standing
-from .prediction import Memory
 from .tracks import MarkerStatus, Rail, Rod, Tracks
-
-_Hold = TypeVar("_Hold", Rod, Rail)
 
 _OTHER_AREA = 0.06  # the first frame is no measure of the area where the usual one is larger by more
 
@@ -113,76 +110,67 @@ def track_markers(
     True
     """
     tolerance = finite_number("tolerance", tolerance, above=0.0)
-    setup, memories = read_first_frame(film, initial_positions, threshold, search_radius, weighted)
-    hung = _by_marker(rods, Rod, "rod", "hangs", "Rod(marker, pivot, length)", len(memories))
-    led = _by_marker(rails, Rail, "rail", "moves", "Rail(marker, column)", len(memories))
-    _check_fit(memories, hung, led, tolerance)
-    status, centroids, errors, areas = _followed(Search(film, setup, hung, led, tolerance, memories), progress)
-    usual = np.array([np.median(a[np.isfinite(a)]) for a in areas.T])
+    setup, markers = read_first_frame(film, initial_positions, threshold, search_radius, weighted)
+    _hold(markers, rods, Rod, "rod", "hangs", "Rod(marker, pivot, length)")
+    _hold(markers, rails, Rail, "rail", "moves", "Rail(marker, column)")
+    _check_fit(markers, tolerance)
+    tracks = _followed(Search(film, setup, tolerance, deepcopy(markers)), progress)
+    usual = np.array([np.median(a[np.isfinite(a)]) for a in tracks.areas.T])
     if (usual > 1.0 + _OTHER_AREA).any():
-        memories = read_first_frame(film, initial_positions, threshold, search_radius, weighted)[1]
-        for memory, factor in zip(memories, usual, strict=True):
-            memory.radius *= float(np.sqrt(max(factor, 1.0)))
-        status, centroids, errors, areas = _followed(Search(film, setup, hung, led, tolerance, memories), progress)
-    flag_repeats(status, centroids, errors, areas)
-    flag_areas(status, areas)
-    flag_standing(status, centroids, errors, film.times, [memory.radius for memory in memories])
-    seen = (status == MarkerStatus.SEEN)[..., None]
-    positions, errors = np.where(seen, centroids, np.nan), np.where(seen, errors, np.nan)
+        for marker, factor in zip(markers, usual.tolist(), strict=True):
+            marker.radius *= sqrt(max(factor, 1.0))
+        tracks = _followed(Search(film, setup, tolerance, deepcopy(markers)), progress)
+    flag_repeats(tracks)
+    flag_areas(tracks)
+    flag_standing(tracks, [marker.radius for marker in markers])
+    seen = (tracks.status == MarkerStatus.SEEN)[..., None]
+    positions, errors = np.where(seen, tracks.centroids, np.nan), np.where(seen, tracks.errors, np.nan)
     widen_errors(film.times, positions, errors)
-    return Tracks(film.times, positions, errors, status, centroids, areas, setup.threshold)
+    return replace(tracks, positions=positions, errors=errors)
 
 
-def _followed(search: Search, progress: bool) -> tuple[NDArray[np.uint8], Floats, Floats, Floats]:
+def _followed(search: Search, progress: bool) -> Tracks:
     """Return status, centroids, their errors and areas over the expected ones, in all frames."""
-    count, markers, missing = len(search.film), len(search.memories), search.film.missing
-    status = np.full((count, markers), MarkerStatus.NO_FRAME, np.uint8)
-    centroids, errors = np.full((2, count, markers, 2), np.nan)
-    areas = np.full((count, markers), np.nan)
-    with progress_bar(count, "frames" if progress else None) as tick:
-        for k in range(count):
+    film, shape = search.film, (len(search.film), len(search.markers))
+    status, areas = np.full(shape, MarkerStatus.NO_FRAME, np.uint8), np.full(shape, np.nan)
+    centroids, errors = np.full((2, *shape, 2), np.nan)
+    with progress_bar(len(film), "frames" if progress else None) as tick:
+        for k, missing in enumerate(film.missing):
             tick(1)
-            if missing[k]:
-                continue
-            for marker, sight in enumerate(search.look(k)):
+            for marker, sight in enumerate([] if missing else search.look(k)):
                 status[k, marker] = sight.status
                 if sight.blob is not None:
                     centroids[k, marker] = sight.blob.column, sight.blob.row
                     errors[k, marker] = sight.blob.column_error, sight.blob.row_error
                     areas[k, marker] = sight.ratio
-    return status, centroids, errors, areas
+    return Tracks(film.times, centroids, errors, status, centroids, areas, search.setup.threshold)
 
 
-def _by_marker(
-    holds: Sequence[_Hold], kind: type[_Hold], name: str, verb: str, form: str, markers: int
-) -> dict[int, _Hold]:
-    """Return rods or rails by the number of their marker, at most one for each."""
-    found: dict[int, _Hold] = {}
+def _hold(markers: list[Marker], holds: Sequence[Rod | Rail], kind: type, name: str, verb: str, form: str) -> None:
+    """Hold markers by rods or rails, at most one of them for each."""
     for hold in holds:
         if not isinstance(hold, kind):
             raise TypeError(f"{name}s hold {hold!r}: give {form}")
-        whole_number(f"{name}.marker", hold.marker, 0, markers - 1)
-        if hold.marker in found:
+        marker = markers[whole_number(f"{name}.marker", hold.marker, 0, len(markers) - 1)]
+        if getattr(marker, name) is not None:
             raise ValueError(f"{name}s: marker {hold.marker} {verb} on two of them; give one for each marker")
-        found[hold.marker] = hold
-    return found
+        setattr(marker, name, hold)
 
 
-def _check_fit(memories: list[Memory], rods: dict[int, Rod], rails: dict[int, Rail], tolerance: float) -> None:
+def _check_fit(markers: list[Marker], tolerance: float) -> None:
     """Refuse rods and rails that the markers of the first frame are not on."""
-    for marker, rod in rods.items():
-        place = memories[marker].place
-        pivot = memories[rod.pivot].place if isinstance(rod.pivot, int) else rod.pivot
-        if rod.misfit(place, pivot) > tolerance:
+    for marker in markers:
+        place, rod, rail = marker.place, marker.rod, marker.rail
+        if rod is not None:
+            pivot = markers[rod.pivot].place if isinstance(rod.pivot, int) else complex(*rod.pivot)
+            if marker.misfit(place, pivot) > tolerance:
+                raise ValueError(
+                    f"rods: marker {marker.number} begins {abs(place - pivot):.1f} pixels from its pivot, and its rod "
+                    f"has {rod.length:g}: measure both again, with fit_circle say, or give more than "
+                    f"tolerance={tolerance:g}"
+                )
+        if rail is not None and abs(place.real - rail.column) > tolerance:
             raise ValueError(
-                f"rods: marker {marker} begins {hypot(place[0] - pivot[0], place[1] - pivot[1]):.1f} pixels from its "
-                f"pivot, and its rod has {rod.length:g}: measure both again, with fit_circle say, or give more than "
-                f"tolerance={tolerance:g}"
-            )
-    for marker, rail in rails.items():
-        column = memories[marker].place[0]
-        if abs(column - rail.column) > tolerance:
-            raise ValueError(
-                f"rails: marker {marker} begins at the column {column:.1f}, and its rail is at {rail.column:g}: "
-                f"measure it again, or give more than tolerance={tolerance:g}"
+                f"rails: marker {marker.number} begins at the column {place.real:.1f}, and its rail is at "
+                f"{rail.column:g}: measure it again, or give more than tolerance={tolerance:g}"
             )
