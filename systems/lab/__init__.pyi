@@ -1,6 +1,5 @@
 from .films.circle_fit import Circle as Circle
 from .films.circle_fit import fit_circle as fit_circle
-from .films.film import Camera as Camera
 from .films.film import Film as Film
 from .films.film import film_at_rate as film_at_rate
 from .films.film import select_frames as select_frames
@@ -45,6 +44,7 @@ from .shaker.voltage_conversion import displacement_error as displacement_error
 from .shaker.voltage_conversion import peak_to_peak_volts as peak_to_peak_volts
 from .shaker.voltage_conversion import volts_from_acceleration as volts_from_acceleration
 from .synthetic import Bar as Bar
+from .synthetic import Camera as Camera
 from .synthetic import Look as Look
 from .synthetic import Recording as Recording
 from .synthetic import Spot as Spot

@@ -1,6 +1,7 @@
 """Synthetic measurements, on which the tools of the laboratory are tried: see :mod:`systems.synthetic`."""
 
 from ..synthetic.appearance import Bar as Bar
+from ..synthetic.appearance import Camera as Camera
 from ..synthetic.appearance import Look as Look
 from ..synthetic.appearance import Spot as Spot
 from ..synthetic.records import pivot_acceleration as pivot_acceleration

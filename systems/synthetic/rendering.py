@@ -15,8 +15,8 @@ from scipy.ndimage import gaussian_filter
 from cellmap.maps import Trajectory
 from cellmap.utils import Rng, claim_memory, finite_number, progress_bar, random_numbers, whole_number
 
-from ..lab.films.film import Camera, Film
-from .appearance import Bar, Look, Spot
+from ..lab.films.film import Film
+from .appearance import Bar, Camera, Look, Spot
 
 Image = NDArray[np.float32]
 

@@ -1,4 +1,4 @@
-"""Films of an experiment, and the camera that stands between its metres and their pixels.
+"""Films of an experiment.
 
 A place in an image is (column, row), in pixels.  Rows go down.  The centre of a pixel has whole numbers: the upper
 left pixel reaches from -0.5 to 0.5 in both directions.
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cellmap.utils import finite_number, whole_number
+from cellmap.utils import finite_number
 
 from ..arrays import Bools, Floats
 
@@ -162,63 +162,6 @@ def select_frames(film: Film, chosen: ArrayLike) -> Film:
     """
     index = np.asarray(chosen)
     return Film(film.frames[index], film.times[index], film.dropped[index], film.exposure)
-
-
-@dataclass(frozen=True)
-class Camera:
-    """Camera that looks straight at the plane of motion.
-
-    Parameters
-    ----------
-    scale : float
-        Pixels per metre, above 0.
-    origin : tuple of float
-        Pixel (column, row) of the world's origin.
-    shape : tuple of int
-        Height and width of the image (pixels).
-
-    Raises
-    ------
-    TypeError, ValueError
-        For numbers that are not finite or not positive.
-
-    Examples
-    --------
-    >>> camera = Camera(scale=1000.0, origin=(64.0, 32.0), shape=(96, 128))
-    >>> camera.pixels([0.01, 0.02])
-    array([74., 12.])
-    >>> camera.places([74.0, 12.0])
-    array([0.01, 0.02])
-    """
-
-    scale: float
-    origin: tuple[float, float]
-    shape: tuple[int, int]
-
-    def __post_init__(self) -> None:
-        finite_number("scale", self.scale, above=0.0)
-        for name in ("origin", "shape"):
-            pair = getattr(self, name)
-            if not isinstance(pair, tuple) or len(pair) != 2:
-                raise TypeError(f"{name}={pair!r}: give a tuple of two numbers")
-        for k in range(2):
-            finite_number(f"origin[{k}]", self.origin[k])
-            whole_number(f"shape[{k}]", self.shape[k], at_least=1)
-
-    def pixels(self, places: ArrayLike) -> Floats:
-        """Return pixels (column, row) of places (x right, y up) in m, arrays of shape (..., 2)."""
-        return np.asarray(self.origin) + self.scale * (_pairs("places", places) * [1.0, -1.0])
-
-    def places(self, pixels: ArrayLike) -> Floats:
-        """Return places (x right, y up) in m of pixels (column, row), arrays of shape (..., 2)."""
-        return (_pairs("pixels", pixels) - self.origin) * [1.0, -1.0] / self.scale
-
-
-def _pairs(name: str, given: ArrayLike) -> Floats:
-    pairs = np.asarray(given, np.float64)
-    if pairs.shape[-1:] != (2,):
-        raise ValueError(f"{name} have the shape {pairs.shape}: give pairs, as (..., 2)")
-    return pairs
 
 
 def _increasing(name: str, given: ArrayLike, count: int) -> Floats:

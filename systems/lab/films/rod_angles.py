@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import savgol_filter
 
 from cellmap.utils import finite_number, whole_number
 
@@ -80,8 +79,8 @@ def joint_angles(
 ) -> JointAngles:
     """Return the angles of rods from the tracks of their ends.
 
-    Rates are the slopes of polynomials fitted by least squares to a window of frames: by Savitzky's and Golay's filter
-    where frames are evenly spaced, else with a fit of its own for each frame.  A frame that is absent or in which the
+    Rates are the slopes of polynomials fitted by least squares to the window around each frame: where frames are evenly
+    spaced, the filter of Savitzky and Golay.  A frame that is absent or in which the
     marker was not seen ends what a window may hold.
 
     Parameters
@@ -198,26 +197,20 @@ def _slopes(
 ) -> tuple[Floats, Floats]:
     """Return slopes of a run, and their standard errors; NaN where no window fits."""
     count, half = len(times), window // 2
-    slopes, spreads = np.full((2, count), np.nan)
     if count < window:
-        return slopes, spreads
-    steps = np.diff(times)
-    even = bool(np.ptp(steps) < 1e-6 * steps.mean())
-    if even and count > window:
-        slopes[half:-half] = savgol_filter(values, window, degree, deriv=1, delta=float(steps.mean()))[half:-half]
-    usual = _both_weights(times[:window] - times[half], degree)
-    missed, chance = np.full((2, count), np.nan)
-    for k in range(count):
-        first = min(max(k - half, 0), count - window)
-        if first != k - half and not one_sided:
-            continue
-        part = slice(first, first + window)
-        weights, change = usual if even and first == k - half else _both_weights(times[part] - times[k], degree)
-        if np.isnan(slopes[k]):
-            slopes[k] = weights @ (values[part] - values[k])
-        spreads[k] = np.sqrt(weights**2 @ errors[part] ** 2)
-        missed[k], chance[k] = (change @ (values[part] - values[k])) ** 2, change**2 @ errors[part] ** 2
-    return slopes, np.sqrt(spreads**2 + _not_followed(missed, chance, window))
+        return np.full(count, np.nan), np.full(count, np.nan)
+    wanted = np.arange(count) - half
+    first = np.clip(wanted, 0, count - window)
+    part = first[:, None] + np.arange(window)
+    offsets, rises, squares = times[part] - times[:, None], values[part] - values[:, None], errors[part] ** 2
+    weights = _weights(offsets, degree)
+    # Two degrees more, where a window has so many values, change a slope by what the polynomial misses.
+    change = _weights(offsets, min(degree + 2, window - 1)) - weights
+    inside = one_sided | (first == wanted)
+    slopes = np.where(inside, (weights * rises).sum(axis=1), np.nan)
+    missed = np.where(inside, (change * rises).sum(axis=1) ** 2, np.nan)
+    followed = (weights**2 * squares).sum(axis=1) + _not_followed(missed, (change**2 * squares).sum(axis=1), window)
+    return slopes, np.where(inside, np.sqrt(followed), np.nan)
 
 
 def _not_followed(missed: Floats, chance: Floats, window: int) -> Floats:
@@ -237,15 +230,7 @@ def _not_followed(missed: Floats, chance: Floats, window: int) -> Floats:
     return nothing
 
 
-def _both_weights(offsets: Floats, degree: int) -> tuple[Floats, Floats]:
-    """Return the weights of a slope, and of what two degrees more change of it; 0 where a window has too few values."""
-    weights = _weights(offsets, degree)
-    higher = min(degree + 2, len(offsets) - 1)
-    return weights, _weights(offsets, higher) - weights
-
-
 def _weights(offsets: Floats, degree: int) -> Floats:
-    """Return the weights of values whose sum is the slope at 0 of the polynomial fitted to them."""
-    scale = float(np.abs(offsets).max())
-    design = np.vander(offsets / scale, degree + 1, increasing=True)
-    return np.linalg.pinv(design)[1] / scale
+    """Return in each row the weights of values whose sum is the slope at 0 of the polynomial fitted to them."""
+    scale = np.abs(offsets).max(axis=1)[:, None]
+    return np.linalg.pinv((offsets / scale)[..., None] ** np.arange(degree + 1))[:, 1] / scale

@@ -112,19 +112,19 @@ def read_stability_points(path: str | Path, rod: str = "") -> StabilityPoints:
     ['frequency_hz,amplitude_mm', '15.0,8.25'] StabilityPoints(1 points, 15 to 15 Hz)
     """
     try:
-        with Path(path).open(encoding="utf-8-sig", newline="") as file:
-            rows = [[field.strip() for field in row] for row in csv.reader(file) if any(field.strip() for field in row)]
-    except (UnicodeDecodeError, csv.Error) as error:
+        lines = [line for line in Path(path).read_text(encoding="utf-8-sig").splitlines() if line.strip(", \t")]
+    except UnicodeDecodeError as error:
         raise ValueError(f"{path}: it is no text in UTF-8 with comma-separated values: {error}") from None
-    heading = tuple(rows[0]) if rows else ()
+    heading = tuple(name.strip(' "') for name in lines[0].split(",")) if lines else ()
     if heading not in (HEADING[:2], HEADING):
         raise ValueError(f"{path}: its heading must be {','.join(HEADING[:2])}, or {','.join(HEADING)}")
+    wrong = f"{path}: give positive numbers alone, in rows of {len(heading)}"
     try:
-        table = np.array([[float(field) for field in row] for row in rows[1:]])
+        table = np.array(list(csv.reader(lines[1:])), dtype=float)
     except ValueError:
-        raise ValueError(f"{path}: give positive numbers alone, in rows of {len(heading)}") from None
+        raise ValueError(wrong) from None
     if table.ndim != 2 or table.shape[1] != len(heading) or not (np.isfinite(table) & (table > 0.0)).all():
-        raise ValueError(f"{path}: give positive numbers alone, in rows of {len(heading)}")
+        raise ValueError(wrong)
     errors = 1e-3 * table[:, 2] if len(heading) == 3 else None
     return StabilityPoints(table[:, 0], 1e-3 * table[:, 1], errors, rod)
 

@@ -66,7 +66,7 @@ def displacement_amplitude(
     >>> displacement_amplitude(6.04, 50.0)
     0.0029987
     """
-    volts, rate = _readings(peak_to_peak_volts, frequency)
+    volts, rate = _checked(peak_to_peak_volts=peak_to_peak_volts, frequency=frequency)
     return _plain(0.5 * volts * _acceleration_per_volt(volts_per_g, standard_gravity) / (2.0 * pi * rate) ** 2)
 
 
@@ -102,8 +102,7 @@ def peak_to_peak_volts(
     >>> peak_to_peak_volts(0.003, 50.0)
     6.0426...
     """
-    height, rate = _bounded("amplitude", amplitude, zero=True), _bounded("frequency", frequency)
-    _fit_together(amplitude=height, frequency=rate)
+    height, rate = _checked(amplitude=amplitude, frequency=frequency)
     return _plain(2.0 * height * (2.0 * pi * rate) ** 2 / _acceleration_per_volt(volts_per_g, standard_gravity))
 
 
@@ -150,10 +149,12 @@ def displacement_error(
     >>> displacement_error(6.04, 50.0, volts_error=0.0604) / displacement_amplitude(6.04, 50.0)
     0.01
     """
-    volts, rate = _readings(peak_to_peak_volts, frequency)
-    volts_spread = _bounded("volts_error", volts_error, zero=True)
-    rate_spread = _bounded("frequency_error", frequency_error, zero=True)
-    _fit_together(peak_to_peak_volts=volts, frequency=rate, volts_error=volts_spread, frequency_error=rate_spread)
+    volts, rate, volts_spread, rate_spread = _checked(
+        peak_to_peak_volts=peak_to_peak_volts,
+        frequency=frequency,
+        volts_error=volts_error,
+        frequency_error=frequency_error,
+    )
     calibration = finite_number("volts_per_g_error", volts_per_g_error, at_least=0.0)
     per_volt = 0.5 * _acceleration_per_volt(volts_per_g, standard_gravity) / (2.0 * pi * rate) ** 2
     fractions = np.hypot(2.0 * rate_spread / rate, calibration / volts_per_g)
@@ -225,12 +226,6 @@ def _acceleration_per_volt(volts_per_g: float, standard_gravity: float) -> float
     return finite_number("standard_gravity", standard_gravity, above=0.0) / scale
 
 
-def _readings(volts: ArrayLike, frequency: ArrayLike) -> tuple[Floats, Floats]:
-    pair = _bounded("peak_to_peak_volts", volts, zero=True), _bounded("frequency", frequency)
-    _fit_together(peak_to_peak_volts=pair[0], frequency=pair[1])
-    return pair
-
-
 def _numbers(name: str, given: ArrayLike) -> Floats:
     try:
         return np.asarray(given, dtype=np.float64)
@@ -238,17 +233,14 @@ def _numbers(name: str, given: ArrayLike) -> Floats:
         raise TypeError(f"{name}={given!r}: give real numbers") from None
 
 
-def _bounded(name: str, given: ArrayLike, zero: bool = False) -> Floats:
-    """Return finite numbers above 0, or also 0."""
-    values = _numbers(name, given)
-    fine = np.isfinite(values) & ((values >= 0.0) if zero else (values > 0.0))
-    if not fine.all():
-        bad = float(values[~fine][0])
-        raise ValueError(f"{name}={bad!r}: give finite numbers {'of at least' if zero else 'above'} 0")
-    return values
-
-
-def _fit_together(**arrays: Floats) -> None:
+def _checked(**given: ArrayLike) -> list[Floats]:
+    """Return finite numbers of at least 0, frequencies above 0, in arrays that broadcast."""
+    arrays = {name: _numbers(name, values) for name, values in given.items()}
+    for name, values in arrays.items():
+        fine = np.isfinite(values) & ((values > 0.0) if name == "frequency" else (values >= 0.0))
+        if not fine.all():
+            least = "above" if name == "frequency" else "of at least"
+            raise ValueError(f"{name}={float(values[~fine][0])!r}: give finite numbers {least} 0")
     try:
         np.broadcast_shapes(*(a.shape for a in arrays.values()))
     except ValueError:
@@ -256,6 +248,7 @@ def _fit_together(**arrays: Floats) -> None:
         raise ValueError(
             f"shapes do not go together: {shapes}; give one number for each point, or one for all"
         ) from None
+    return list(arrays.values())
 
 
 def _plain(values: Floats) -> Any:
