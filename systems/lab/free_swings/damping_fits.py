@@ -15,6 +15,7 @@ from cellmap.utils import finite_number
 from ...effects import DryFriction, Effect, Gravity, QuadraticDrag, ViscousDamping
 from ...pendulum import Pendulum
 from ...scenes import scene
+from ..akaike import akaike_weights
 from .decay_models import KINDS, DecayComparison, checked_kinds, compare_decays
 from .motion_fit import MotionFit, fit_motion
 from .natural_frequency import effective_length, natural_frequency
@@ -61,9 +62,7 @@ class DampingFits:
     @property
     def weights(self) -> dict[str, float]:
         """Akaike weights: how likely each kind is the best of these, by the data, if residuals are independent."""
-        likely = {kind: float(np.exp(-0.5 * (fit.aicc - self.best.aicc))) for kind, fit in self.fits.items()}
-        total = sum(likely.values())
-        return {kind: value / total for kind, value in likely.items()}
+        return akaike_weights({kind: fit.aicc for kind, fit in self.fits.items()})
 
 
 def fit_damping(

@@ -13,16 +13,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import log
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
-from scipy.optimize import least_squares
+from scipy.optimize import curve_fit
 from scipy.special import ellipe, ellipk
 
 from cellmap.utils import finite_number
 
+from ..akaike import akaike_criterion, akaike_weights
 from ..arrays import Floats
 from .natural_frequency import natural_frequency
 from .quadratic_fit import check_decay
@@ -123,8 +123,7 @@ class DecayComparison:
     @property
     def weights(self) -> dict[str, float]:
         """Akaike weights: how likely each kind is the best of these, by the data."""
-        likely = np.exp(-0.5 * np.array([m.aicc - self.best.aicc for m in self.models]))
-        return dict(zip((m.kind for m in self.models), (likely / likely.sum()).tolist(), strict=True))
+        return akaike_weights({model.kind: model.aicc for model in self.models})
 
 
 def compare_decays(envelope: Envelope, frequency: float | None = None, kinds: Sequence[str] = USUAL) -> DecayComparison:
@@ -223,25 +222,21 @@ def _fitted(kind: str, envelope: Envelope, frequency: float) -> DecayModel:
     rates = _rates(middle, frequency, names)
     begin = [float(heights[0]), *(slope / (len(names) * float(rates[n][0])) for n in names)]
 
-    def residuals(q: Floats) -> Floats:
-        curve = decaying(float(q[0]), dict(zip(names, q[1:].tolist(), strict=True)), frequency, t)
-        return (curve - heights) / errors
+    def curve(t: Floats, amplitude: float, *q: float) -> Floats:
+        return decaying(amplitude, dict(zip(names, q, strict=True)), frequency, t)
 
     bounds = [0.0] * len(begin), [np.pi, *([np.inf] * len(names))]
-    found = least_squares(residuals, begin, bounds=bounds, x_scale=begin)
-    count, free = len(heights), len(begin) + 1
-    total = 2.0 * float(found.cost)
-    freedom = count - len(begin)
-    spread = np.linalg.pinv(found.jac.T @ found.jac) * total / freedom
-    aicc = count * log(max(total, 1e-300) / count) + 2.0 * free + 2.0 * free * (free + 1) / max(count - free - 1, 1)
+    found, spread = curve_fit(curve, t, heights, begin, errors, bounds=bounds, x_scale=begin)
+    rest, count = curve(t, *found) - heights, len(heights)
+    total = float(((rest / errors) ** 2).sum())
     return DecayModel(
         kind,
-        dict(zip(names, found.x[1:].tolist(), strict=True)),
+        dict(zip(names, found[1:].tolist(), strict=True)),
         dict(zip(names, np.sqrt(np.diag(spread))[1:].tolist(), strict=True)),
-        float(found.x[0]),
+        float(found[0]),
         frequency,
         float(envelope.times[0]),
-        float(np.sqrt(np.mean((found.fun * errors) ** 2))),
-        total / freedom,
-        aicc,
+        float(np.sqrt(np.mean(rest**2))),
+        total / (count - len(begin)),
+        akaike_criterion(count, total, len(begin) + 1),
     )

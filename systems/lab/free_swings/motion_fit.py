@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, log
+from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from scipy.special import stdtrit
 from cellmap import ForcedSystem
 from cellmap.utils import finite_number, finite_points
 
+from ..akaike import akaike_criterion
 from ..arrays import Floats
 from ..time_series import measured_series, neighbour_correlation, widening
 from .simulation import Simulation, clear_of_noise
@@ -240,7 +241,7 @@ def _record(job: Simulation, found: OptimizeResult, low: Floats, high: Floats) -
         measured=job.measured,
         simulated=simulated,
         correlation=neighbour_correlation(rest),
-        aicc=count * log(max(total, 1e-300) / count) + 2.0 * (free + 1) * count / max(count - free - 2, 1),
+        aicc=akaike_criterion(count, total, free + 1),
         at_bound=tuple(label for label, on in zip(job.labels, on_bound, strict=True) if on),
         converged=found.status > 0,
     )

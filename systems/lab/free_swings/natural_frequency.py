@@ -66,7 +66,7 @@ def natural_frequency(envelope: Envelope) -> Estimate:
         raise ValueError(f"envelope has {len(steps) + 1} extremes: give at least 4")
     check_rhythm(envelope, len(steps))
     # Times of neighbouring extremes share an error, so the line through all times is fitted, not the mean of intervals.
-    weights = 1.0 / np.maximum(envelope.time_errors, 1e-12 * np.ptp(envelope.times)) ** 2
+    errors = np.maximum(envelope.time_errors, 1e-12 * np.ptp(envelope.times))
     logs, count = np.log(envelope.amplitudes), np.concatenate([[0], np.cumsum(steps)])
     first = np.maximum(np.arange(len(steps)) - _BESIDE, 0)
     last = np.minimum(np.arange(len(steps)) + 1 + _BESIDE, len(steps))
@@ -75,18 +75,17 @@ def natural_frequency(envelope: Envelope) -> Estimate:
     longer, unsure = (np.interp(middle, _AMPLITUDES, table) * squares for table in (_LONGER, _UNSURE))
     lasted = steps * envelope.slowings
     found, other = (
-        _line(np.concatenate([[0.0], np.cumsum(lasted * (1.0 + more))]), envelope, weights)
+        _line(np.concatenate([[0.0], np.cumsum(lasted * (1.0 + more))]), envelope, errors)
         for more in (longer, longer + unsure)
     )
     return Estimate(found.value, float(np.hypot(found.standard_error, other.value - found.value)))
 
 
-def _line(order: Floats, envelope: Envelope, weights: Floats) -> Estimate:
-    x, y = (v - np.average(v, weights=weights) for v in (order, envelope.times))
-    spread = float(weights @ x**2)
-    half = float(weights @ (x * y)) / spread
-    scatter = float(weights @ (y - half * x) ** 2) / (len(x) - 2)
-    return Estimate(pi / half, pi / half**2 * float(np.sqrt(max(scatter, 1.0) / spread)))
+def _line(order: Floats, envelope: Envelope, errors: Floats) -> Estimate:
+    line, spread = np.polyfit(order, envelope.times, 1, w=1.0 / errors, cov="unscaled")
+    rest = (envelope.times - np.polyval(line, order)) / errors
+    scatter = max(float(rest @ rest) / (len(order) - 2), 1.0)
+    return Estimate(pi / float(line[0]), pi / float(line[0]) ** 2 * float(np.sqrt(scatter * spread[0, 0])))
 
 
 def effective_length(frequency: Estimate, gravity: float = 9.8) -> Estimate:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
+from scipy.stats import linregress
 
 from cellmap.utils import finite_number
 
@@ -95,12 +96,12 @@ def quadratic_decay(envelope: Envelope, start_time: float | None = None) -> Quad
     """
     check_decay(envelope, fewest=5)
     begin = float(envelope.times[0]) if start_time is None else finite_number("start_time", start_time)
-    powers = np.vander(envelope.times - begin, 3)
-    factors = np.asarray(np.linalg.lstsq(powers, envelope.amplitudes, rcond=None)[0], dtype=np.float64)
-    rest = envelope.amplitudes - powers @ factors
-    variance = float(rest @ rest) / (len(rest) - 3)
-    errors = np.sqrt(variance * np.diag(np.linalg.inv(powers.T @ powers)))
-    return QuadraticDecay(factors, errors, float(np.sqrt(variance)), begin, envelope)
+    t = envelope.times - begin
+    factors, spread = np.polyfit(t, envelope.amplitudes, 2, cov=True)
+    rest = envelope.amplitudes - np.polyval(factors, t)
+    return QuadraticDecay(
+        factors, np.sqrt(np.diag(spread)), float(np.sqrt(rest @ rest / (len(t) - 3))), begin, envelope
+    )
 
 
 def check_decay(envelope: Envelope, fewest: int) -> None:
@@ -110,10 +111,8 @@ def check_decay(envelope: Envelope, fewest: int) -> None:
     count = len(envelope.times)
     if count < fewest:
         raise ValueError(f"envelope has {count} extremes: give at least {fewest}, by a longer film or less noise")
-    t = envelope.times - envelope.times.mean()
-    slope = float(t @ envelope.amplitudes / (t @ t))
-    rest = envelope.amplitudes - envelope.amplitudes.mean() - slope * t
-    error = max(float(np.sqrt(rest @ rest / (count - 2) / (t @ t))), 1e-15 * float(envelope.amplitudes[0]))
+    slope, *_, error = linregress(envelope.times, envelope.amplitudes)
+    error = max(float(error), 1e-15 * float(envelope.amplitudes[0]))
     if slope > -float(stdtrit(count - 2, 0.975)) * error:
         raise ValueError(
             f"envelope changes by {slope:.3g} +- {error:.2g} rad/s: that is no decay; film a free swing, for longer"

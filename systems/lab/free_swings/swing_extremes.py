@@ -231,32 +231,30 @@ def _extreme(t: Floats, x: Floats, cap: NDArray[np.intp], noise: float) -> _Extr
     centre, scale = 0.5 * (t[cap[0]] + t[cap[-1]]), 0.5 * width
     s = (t[cap] - centre) / scale
     degree = 4 if len(cap) >= _QUARTIC else 2
-    powers = np.vander(s, degree + 1, increasing=True)
-    factors, *_ = np.linalg.lstsq(powers, x[cap], rcond=None)
-    curve = np.polynomial.Polynomial(factors)
-    flat = [float(r.real) for r in curve.deriv().roots() if abs(r.imag) < 1e-9 and abs(r.real) <= 1.0]
+    factors, spread = np.polyfit(s, x[cap], degree, cov="unscaled")
+    slopes = np.polyder(factors)
+    flat = [float(r.real) for r in np.roots(slopes) if abs(r.imag) < 1e-9 and abs(r.real) <= 1.0]
     if not flat:
         return None
-    place = max(flat, key=lambda r: float(curve(r)))
-    bend = float(curve.deriv(2)(place))
+    height, place = max((float(np.polyval(factors, r)), r) for r in flat)
+    bend = float(np.polyval(np.polyder(slopes), place))
     if bend >= 0.0:
         return None
-    rest = x[cap] - powers @ factors
+    rest = x[cap] - np.polyval(factors, s)
     freedom = len(cap) - degree - 1
-    variance = float(rest @ rest) / freedom if freedom >= _QUARTIC else noise * noise
-    spread = variance * np.linalg.inv(powers.T @ powers)
-    value = place ** np.arange(degree + 1)
-    slope = np.concatenate([[0.0], np.arange(1, degree + 1) * value[:-1]])
+    spread *= float(rest @ rest) / freedom if freedom >= _QUARTIC else noise * noise
+    value = place ** np.arange(degree, -1, -1)
+    slope = np.append(np.arange(degree, 0, -1) * value[1:], 0.0)
     shift = float(slope @ spread @ slope) / -bend
     if shift > -bend:  # so flat for its scatter that the extreme may be anywhere in the cap
         return None
     return _Extreme(
         time=centre + scale * place,
-        height=float(curve(place)) - 0.5 * shift,  # the maximum of a noisy curve is too high by this much
+        height=height - 0.5 * shift,  # the maximum of a noisy curve is too high by this much
         side=1,
         error=float(np.sqrt(value @ spread @ value)),
         # Noise bends a curve more than the swing does, and would seem to fix its extreme the better for it.
-        time_error=scale * float(np.sqrt(shift * -bend)) / min(-bend, _STEEP * float(curve(place))),
+        time_error=scale * float(np.sqrt(shift * -bend)) / min(-bend, _STEEP * height),
     )
 
 

@@ -121,7 +121,7 @@ def read_stability_points(path: str | Path, rod: str = "") -> StabilityPoints:
     wrong = f"{path}: give positive numbers alone, in rows of {len(heading)}"
     try:
         table = np.array(list(csv.reader(lines[1:])), dtype=float)
-    except ValueError:
+    except (ValueError, csv.Error):
         raise ValueError(wrong) from None
     if table.ndim != 2 or table.shape[1] != len(heading) or not (np.isfinite(table) & (table > 0.0)).all():
         raise ValueError(wrong)
