@@ -6,24 +6,75 @@ Places in the image are complex numbers here, column + 1j row.
 from __future__ import annotations
 
 from cmath import phase, rect
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import hypot, inf, log, nan, pi, remainder
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from ..arrays import Floats
-from .assignment import Choice, match
 from .blobs import Blob, Box, find_blobs, smeared_area
 from .film import Film
 from .pixel_noise import PixelNoise
 from .tracks import MarkerStatus, Rail, Rod
 
+_NEVER = 1e6
+
+Choice = list[int]  # number of the blob for each marker, -1 for none
+Conflict = Callable[[Choice], tuple[int, int] | None]
 _WHOLE = (0.9, 1.15)  # area over the expected one, of a marker that is seen whole and alone
 _BACK = (1, 6, 25)  # sights of a marker, counted back, among which a bright object that stands is looked for
 _RIVAL = 0.2  # difference of costs below which two markers may be mistaken for each other
 _SHORT = 3  # frames over which a velocity is still taken
+
+
+def match(costs: Floats, conflict: Conflict) -> Choice:
+    """Return the matching of least cost in which no two markers are in conflict.
+
+    Parameters
+    ----------
+    costs : ndarray, shape (markers, blobs)
+        Cost of each pair, below 1; infinite where it is out of the question.  A marker without a blob costs 1.
+    conflict : callable
+        Two markers of a matching whose blobs do not go together, or None.
+
+    Returns
+    -------
+    list of int
+        Blob of each marker, -1 for none.
+
+    Examples
+    --------
+    >>> match(np.array([[0.1, 0.3], [0.2, np.inf]]), lambda choice: None)
+    [1, 0]
+    """
+    best, least = [-1] * len(costs), float(len(costs))
+    waiting = [np.where(np.isfinite(costs), costs, _NEVER)]
+    while waiting:
+        table = waiting.pop()
+        choice, cost = _assigned(table)
+        if cost >= least:
+            continue
+        pair = conflict(choice)
+        if pair is None:
+            best, least = choice, cost
+            continue
+        for marker in pair:
+            without = table.copy()
+            without[marker, choice[marker]] = _NEVER
+            waiting.append(without)
+    return best
+
+
+def _assigned(table: Floats) -> tuple[Choice, float]:
+    markers, blobs = table.shape
+    alone = np.full((markers, markers), _NEVER)
+    np.fill_diagonal(alone, 1.0)
+    whole = np.hstack([table, alone])
+    rows, columns = linear_sum_assignment(whole)
+    return [int(c) if c < blobs else -1 for c in columns], float(whole[rows, columns].sum())
 
 
 @dataclass(frozen=True)

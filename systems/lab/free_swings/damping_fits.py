@@ -15,7 +15,7 @@ from cellmap.utils import finite_number
 from ...effects import DryFriction, Effect, Gravity, QuadraticDrag, ViscousDamping
 from ...pendulum import Pendulum
 from ...scenes import scene
-from ..akaike import akaike_weights
+from ..time_series import akaike_weights
 from .decay_models import KINDS, DecayComparison, checked_kinds, compare_decays
 from .motion_fit import MotionFit, fit_motion
 from .natural_frequency import effective_length, natural_frequency

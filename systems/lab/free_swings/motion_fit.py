@@ -14,9 +14,8 @@ from scipy.special import stdtrit
 from cellmap import ForcedSystem
 from cellmap.utils import finite_number, finite_points
 
-from ..akaike import akaike_criterion
 from ..arrays import Floats
-from ..time_series import measured_series, neighbour_correlation, widening
+from ..time_series import akaike_criterion, measured_series, neighbour_correlation, widening
 from .simulation import Simulation, clear_of_noise
 
 Bounds = Mapping[str, tuple[float, float]]

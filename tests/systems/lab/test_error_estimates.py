@@ -10,8 +10,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from systems.lab import Film, MarkerStatus, film_at_rate, read_film, track_markers, write_film
-from systems.lab.films.error_estimates import widen_errors
-from systems.lab.films.illumination import slope_inside
+from systems.lab.films.blobs import slope_inside
+from systems.lab.films.outliers import widen_errors
 from systems.lab.films.pixel_noise import PixelNoise
 
 RATE = 200.0

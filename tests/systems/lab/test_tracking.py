@@ -23,7 +23,7 @@ from systems.lab import (
     select_frames,
     track_markers,
 )
-from systems.lab.films.assignment import match
+from systems.lab.films.marker_search import match
 
 
 def test_matching_keeps_to_the_rods() -> None:
