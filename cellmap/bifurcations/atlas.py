@@ -28,6 +28,7 @@ from .atlas_curves import borders_of, curves_at
 from .atlas_families import AtlasKind, Attractors, families_of
 from .atlas_record import AttractorAtlas, AttractorFamily
 from .coexistence import Explorer, slow_ones, spread
+from .intervals import axis_of
 
 _ORBITS = 65536  # in a tile
 _PILOTS = 32  # parameter points and initial conditions whose images tell the size of what is to be found,
@@ -215,10 +216,7 @@ def _extent(swept: PointMap, states: Floats, values: Floats) -> Floats:
 
 
 def _axis(label: str, given: tuple[str, ArrayLike], exact: PointMap) -> tuple[str, Floats]:
-    try:
-        name, values = given
-    except (TypeError, ValueError):
-        raise TypeError(f"{label}={shown(given)}: give a pair of a parameter's name and its values") from None
+    name, values = axis_of(label, given)
     known_parameter(f"{label}[0]", name, exact.params)
     axis = monotone_values(f"{label}[1]", values)
     if axis.size < 2 or axis[0] > axis[-1]:

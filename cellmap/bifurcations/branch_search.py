@@ -127,10 +127,8 @@ def find_branches(
     """
     low, high = interval_between(lower, upper)
     known_parameter("parameter", parameter, point_map.params)
-    longest, count = (
-        whole_number("longest_period", longest_period, at_least=1),
-        whole_number("n_values", n_values, at_least=1),
-    )
+    longest = whole_number("longest_period", longest_period, at_least=1)
+    count = whole_number("n_values", n_values, at_least=1)
     values = low + (high - low) * (np.arange(count) + _OFFSET) / count
     found = _Found(_tolerances(point_map, region), (low, high), longest, step, max_points, progress)
     numbers = np.zeros(count, np.int64)

@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._lib.arrays import Complexes, Floats
-from .._lib.checks import whole_number
 from .._lib.signatures import checked
-from ..maps.coordinates import state_points
 from ..maps.point_map import PointMap
 from ..orbits.multipliers import multipliers_along
-from ..orbits.orbit_equations import OrbitProblem, natural_sizes
+from ..orbits.orbit_equations import OrbitProblem
 from .homological import Centre, Term, normal_form_terms
 from .kinds import CodimensionTwoKind as Kind
 from .normal_forms import CERTAIN, LocatedForms, Tensors
@@ -230,10 +228,7 @@ def codimension_two_form(point_map: PointMap, point: ArrayLike, kind: Kind, peri
     >>> codimension_two_form(cubic, [0.0], CodimensionTwoKind.CUSP)
     CodimensionTwoForm(cusp, c=-0.5 +- ...)
     """
-    exact, rounds = point_map.without_table, whole_number("period", period, at_least=1)
-    place = state_points("point", point, exact.coordinates).reshape(exact.dimension)
-    sizes = natural_sizes(exact, place, rounds)
-    found = _form(LocatedForms.at(exact, place, rounds, sizes, _FORMS[kind].order), kind)
+    found = _form(LocatedForms.at(point_map, point, period, _FORMS[kind].order), kind)
     if found is None:
         raise ValueError(f"kind={kind!r}: the multipliers of the orbit are not those of this bifurcation")
     return found

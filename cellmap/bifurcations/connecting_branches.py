@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from .._lib.arrays import Floats
-from .._lib.checks import known_parameter, pair_of
+from .._lib.checks import known_parameter
 from .._lib.records import ConvertsToDataFrame, ConvertsToXarray
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate
@@ -17,7 +17,7 @@ from ..maps.point_map import PointMap
 from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, both_ways, corrected, trace
 from .connecting_problem import ConnectingProblem, TangencyProblem
 from .connections import ConnectingOrbit, orbit_at, problem_of
-from .intervals import interval_between, interval_of, limits_of, spans
+from .intervals import interval_between, interval_of, limits_of, spans, two_parameters
 
 _BESIDE = 1e-3  # step, scaled, along the branch that tells on which side of a tangency the orbits are
 
@@ -251,11 +251,7 @@ def continue_tangency(
     ('left the intervals', 'left the intervals')
     """
     exact = tangency.orbit._point_map
-    one, two = pair_of("parameters", parameters, "the names of two parameters")
-    for name in (one, two):
-        known_parameter("parameters", name, exact.params)
-    if one == two:
-        raise ValueError(f"parameters={parameters!r}: give two different parameters")
+    one, two = two_parameters(parameters, exact.params)
     intervals = [
         interval_of(label, given, exact.params[name])
         for label, given, name in (("first", first, one), ("second", second, two))

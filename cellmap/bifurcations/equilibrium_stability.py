@@ -19,7 +19,7 @@ from ..orbits.attractor import Attractor
 from ..orbits.orbit_kinds import PeriodicOrbit
 from .crossings import BoundaryCurve, Crossing, CrossingFunctions, MultiplierSource, crossings_on_lines, linked
 from .floquet import linearise, swept_values
-from .intervals import interval_between
+from .intervals import axis_of, interval_between
 from .orbit_grid import follow_over
 
 _TOLERANCE = 1e-13  # of the monodromy matrices
@@ -294,10 +294,7 @@ def stability_map(
 
 
 def _axis(label: str, given: tuple[str, ArrayLike]) -> tuple[str, Floats]:
-    try:
-        name, values = given
-    except (TypeError, ValueError):
-        raise TypeError(f"{label}={given!r}: give a pair of a parameter's name and its values") from None
+    name, values = axis_of(label, given)
     if not isinstance(name, str):
         raise TypeError(f"{label}[0]={name!r}: give the name of a parameter")
     axis = swept_values(f"{label}[1]", values)

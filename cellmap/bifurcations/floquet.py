@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._compiled.codegen.kernel import why_untraced
 from .._compiled.codegen.linear import LinearKernel, linear_kernel, values
 from .._lib.arrays import Complexes, Floats, Ints
-from .._lib.checks import claim_memory, finite_number, shown
+from .._lib.checks import claim_memory, finite_number, real_array, shown
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from ..maps.coordinates import state_points
@@ -295,10 +295,7 @@ def linearise(system: ForcedSystem, equilibrium: ArrayLike, swept: Sequence[str]
 
 def swept_values(name: str, given: ArrayLike) -> Floats:
     """Return values of a parameter as floats, all finite."""
-    try:
-        array = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise TypeError(f"{name}: give real numbers") from None
+    array = real_array(name, given)
     if not np.isfinite(array).all():
         raise ValueError(f"{name} has the value {array[~np.isfinite(array)].flat[0]}: give finite numbers")
     return array

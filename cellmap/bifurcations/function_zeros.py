@@ -87,11 +87,8 @@ def values_of(orbits: OrbitProblem, names: tuple[str, ...], function: OrbitFunct
     result = np.full(len(unknowns), np.nan)
     known = np.isfinite(unknowns).all(axis=1)
     if known.any():
-        states, d, exact = (
-            np.array([orbits.once(u * orbits.scale) for u in unknowns[known]]),
-            orbits.dimension,
-            orbits.point_map,
-        )
+        d, exact = orbits.dimension, orbits.point_map
+        states = np.array([orbits.once(u * orbits.scale) for u in unknowns[known]])
         points = wrap(states[:, :d], exact.coordinates)
         quantity, measure = function.quantity, function.measure
         found = measured(exact, names, states[:, d:], points, orbits.period, quantity, measure, _FINEST)

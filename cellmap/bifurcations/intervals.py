@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 from .._lib.arrays import Floats
-from .._lib.checks import finite_number, pair_of, shown, whole_number
+from .._lib.checks import finite_number, known_parameter, pair_of, shown, whole_number
+
+_NAMES = "the names of two parameters"
 
 
 def limits_of(step: float, max_points: int) -> tuple[float, int]:
@@ -40,6 +43,23 @@ def further_parameter(name: str, params: Collection[str], used: Sequence[str]) -
         others = sorted(set(params) - set(used))
         raise ValueError(f"parameter={shown(name)}: give another parameter of this map, one of {others}")
     return name
+
+
+def two_parameters(given: tuple[str, str], params: Mapping[str, float]) -> tuple[str, str]:
+    """Return the names of two different parameters of a map, checked."""
+    one, two = (known_parameter("parameters", name, params) for name in pair_of("parameters", given, _NAMES))
+    if one == two:
+        raise ValueError(f"parameters={given!r}: give two different parameters")
+    return one, two
+
+
+def axis_of(label: str, given: Any) -> tuple[Any, Any]:
+    """Return a parameter's name and its values, not checked, of the argument for an axis."""
+    try:
+        name, values = given
+    except (TypeError, ValueError):
+        raise TypeError(f"{label}={shown(given)}: give a pair of a parameter's name and its values") from None
+    return name, values
 
 
 def place_of(parameters: tuple[str, ...], values: Floats) -> str:

@@ -140,9 +140,7 @@ def normal_form(point_map: PointMap, point: ArrayLike, kind: BifurcationKind, pe
     """
     if kind not in _FORMS:
         raise ValueError(f"kind={kind!r}: choose one of {', '.join(map(repr, _FORMS))}")
-    exact, rounds = point_map.without_table, whole_number("period", period, at_least=1)
-    place = state_points("point", point, exact.coordinates).reshape(exact.dimension)
-    found = _form(LocatedForms.at(exact, place, rounds, natural_sizes(exact, place, rounds)), kind)
+    found = _form(LocatedForms.at(point_map, point, period), kind)
     if found is None:
         raise ValueError(f"kind={kind!r}: the orbit has no complex pair of multipliers")
     return found
@@ -236,9 +234,12 @@ class LocatedForms:
     sizes: Floats
 
     @classmethod
-    def at(cls, point_map: PointMap, point: Floats, period: int, sizes: Floats, order: int = 3) -> LocatedForms:
-        """Return the derivatives at a point that is known exactly."""
-        found = multilinear_forms(point_map, point[None], period, sizes, order=order)
+    def at(cls, point_map: PointMap, point: ArrayLike, period: int, order: int = 3) -> LocatedForms:
+        """Return the derivatives at a point that is known exactly; check it, and the period."""
+        exact, rounds = point_map.without_table, whole_number("period", period, at_least=1)
+        place = state_points("point", point, exact.coordinates).reshape(exact.dimension)
+        sizes = natural_sizes(exact, place, rounds)
+        found = multilinear_forms(exact, place[None], rounds, sizes, order=order)
         return cls(replace(found, tensors=tuple(t[:, :, None] for t in found.tensors)), sizes)
 
     @classmethod

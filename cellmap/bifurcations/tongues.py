@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._lib.arrays import Floats
-from .._lib.checks import finite_number, known_parameter, pair_of, shown, whole_number
+from .._lib.checks import finite_number, pair_of, shown, whole_number
 from .._lib.signatures import checked
 from ..maps.compiled_advance import recorded
 from ..maps.coordinates import state_points, turns_of
@@ -21,6 +21,7 @@ from ..orbits.newton import closed_orbit, newton
 from ..orbits.orbit_kinds import PeriodicOrbit
 from .bifurcation_curve import BifurcationCurve, continue_bifurcation
 from .branch import Bifurcation, Branch
+from .intervals import two_parameters
 from .kinds import BifurcationKind
 from .orbit_continuation import continue_orbit
 
@@ -137,11 +138,7 @@ def arnold_tongue(
     ArnoldTongue(1/2, omega from 0.475749661 to 0.524250339)
     """
     exact = point_map.without_table
-    one, two = pair_of("parameters", parameters, "the names of two parameters")
-    for name in (one, two):
-        known_parameter("parameters", name, exact.params)
-    if one == two:
-        raise ValueError(f"parameters={parameters!r}: give two different parameters")
+    one, two = two_parameters(parameters, exact.params)
     if exact.dimension == 1 and exact.coordinates[0].period is None:
         raise ValueError(f"point_map={point_map!r} has neither an angle nor a plane in which orbits could rotate")
     q = whole_number("period", period, at_least=1)
