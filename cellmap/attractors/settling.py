@@ -252,10 +252,9 @@ def _labelled(
     limits = Limits(age, age + periods, stride, RESIDENCE, PERIODS_AT_ONCE)
     if rule is not None:
         _tell(rule, outcome, np.arange(n), orbits)
+    places = labelling.Work(pool, waiting, scratch, counts)
     while True:
-        reason = labelling.label(
-            step, catalogue.regions, catalogue.boxes, limits, outcome, pool, waiting, scratch, counts
-        )
+        reason = labelling.label(step, catalogue.regions, catalogue.boxes, limits, outcome, places)
         if reason == labelling.FINISHED:
             break
         if stop is not None:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._compiled.codegen.period import CompiledPeriod
-from .._compiled.kernels.labelling import DISCRETE, FLOW, NOT_COMPILED, Discrete, Step, Table
-from .._compiled.kernels.periods import Motion, iterate
+from .._compiled.kernels.labelling import DISCRETE, FLOW, NOT_COMPILED, Step
+from .._compiled.kernels.periods import Discrete, iterate
 from .._compiled.kernels.recording import record
 from .._lib.arrays import Floats, Ints
 from .._lib.stopping import check_stop
@@ -20,15 +20,7 @@ from .orbit_batch import Orbits, portions
 
 _COSTLY = 256  # times the orbits that make a portion: a search can be stopped after fewer periods of one orbit
 
-_NONE, _NOWHERE = np.zeros(1, np.int64), np.zeros(1)
-_NO_TABLE = Table(0, _NONE, 0, 0, _NOWHERE, _NOWHERE, _NOWHERE, _NOWHERE)
-_NO_MOTION = Motion(
-    0, _NONE, _NOWHERE, 0.0, 0.0, _NOWHERE, 0.0, _NOWHERE, 0.0, _NONE, 0, 0, 0, 0, 0.0, 0, 0.0, 0.0, 0.0, _NOWHERE,
-    _NONE,
-)  # fmt: skip
-_NO_FUNCTION = Discrete(0, _NONE, _NOWHERE, 0.0)
-
-UNKNOWN_STEP = Step(_NO_TABLE, NOT_COMPILED, _NO_MOTION, _NO_FUNCTION, _NOWHERE, _NOWHERE)
+UNKNOWN_STEP = Step()
 """That of a map of which nothing is known but the function that it is."""
 
 
@@ -104,7 +96,7 @@ class DiscreteAdvance(CompiledAdvance):
         """Move a batch of orbits on by some applications, in place."""
         state = (orbits.points, orbits.rotations, orbits.status)
         for some in portions(periods, len(orbits)):
-            orbits.work.evaluations += iterate(*self.step.discrete, *state, self.lower, self.turn, some)
+            orbits.work.evaluations += iterate(self.step.discrete, *state, self.lower, self.turn, some)
 
 
 def recorded(

@@ -13,7 +13,7 @@ from .._compiled.codegen.expression import ImpureError
 from .._compiled.codegen.kernel import discrete_jet_kernel, discrete_kernel, tangent_step, why_untraced
 from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.codegen.trace import parameter_record
-from .._compiled.kernels.frames import carrying
+from .._compiled.kernels.frames import Framed, FrameStep, carrying
 from .._compiled.machine_code import MachineCode
 from .._lib.arrays import Floats
 from .._lib.checks import parameter_values, shown, text
@@ -128,10 +128,9 @@ class Discrete(MapSpec[PointMap]):
             return derivatives_of(name, tangent_step(_timeless(self.function), d, tuple(self.params)))
 
         def stretch(orbits: Orbits, frames: Floats, periods: int) -> Floats:
-            step = step_of_frames().address("step")
+            step = FrameStep(step_of_frames().address("step"), parameters, lower, turn, _BOUND)
             growth, ended, before = np.empty((len(orbits), d)), ~orbits.alive, ~orbits.alive
-            state = (orbits.points, orbits.rotations, frames, ended)
-            carrying(d)(step, parameters, lower, turn, _BOUND, *state, periods, growth)
+            carrying(d)(step, Framed(orbits.points, orbits.rotations, frames, ended), periods, growth)
             orbits.end(ended & ~before, Status.DIVERGED)
             return growth
 

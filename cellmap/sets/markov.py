@@ -118,12 +118,8 @@ def solve_transient(matrix: Sparse, components: Components, values: Floats, gain
     number, last = 0, len(components.closed)
     while True:
         number = relax(
-            matrix.indptr,
-            matrix.indices,
-            matrix.data,
-            components.order,
-            components.begin,
-            components.closed,
+            (matrix.indptr, matrix.indices, matrix.data),
+            (components.order, components.begin, components.closed),
             gain,
             values,
             number,
@@ -193,7 +189,7 @@ def _by_gmres(inner: Sparse, right: Floats, leak: Floats, guess: Floats) -> Floa
 
     def swept(residual: Floats) -> Floats:
         out = np.empty(len(right))
-        sweep(inner.indptr, inner.indices, inner.data, residual.ravel(), out)
+        sweep((inner.indptr, inner.indices, inner.data), residual.ravel(), out)
         return out
 
     preconditioner = LinearOperator(system.shape, swept, dtype=float)

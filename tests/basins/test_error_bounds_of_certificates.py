@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import shortest_path
 
 from cellmap import CellGrid, discrete_map
-from cellmap._compiled.kernels.cell_errors import bounding, curve
+from cellmap._compiled.kernels.cell_errors import Bounds, Given, bounding, curve
 from cellmap._compiled.kernels.cell_images import SEVERAL, reach_ends
 from cellmap._compiled.kernels.certainty import carry_rows
 from cellmap.basins.certification.table_errors import slopes_of, tolerance_in_cells
@@ -90,7 +90,8 @@ def test_bounds_of_cells_by_maximum_filters(wraps):
     curve(rows, cells, np.array(wraps), 0, 6, curved)
     table = (np.zeros(2), widths, cells, np.array(wraps))
     numbers = (4.0, 1e9, 1e-8, 1e-9)
-    bounding(d)(table, rows, curved, images, indicator, rough, numbers, 0, 6, bends, errors, tolerances, estimates)
+    given, found = Given(rows, curved, images, indicator, rough), Bounds(bends, errors, tolerances, estimates)
+    bounding(d)(table, given, numbers, 0, 6, found)
     modes = ["wrap" if w else "nearest" for w in wraps]
     change, bent = np.zeros(cells), np.zeros(cells)
     for i, k in np.ndindex(d, d):

@@ -34,14 +34,15 @@ UNRESOLVED, RESOLVED_AGAIN = 1e190, 1e290
 
 
 @loop
-def unpack(blocks, errors, members, images, ratios, largest, rtol, atol, order):
+def unpack(motion, blocks, errors, members, images, ratios):
     """Copy lanes back to rows of images, with the largest ratio of estimated error to tolerance; NaN where not finite.
 
     A ratio of BLOWN_UP, as the error of the first component, stands for a state that more steps would not save.  Where
     steps are too long to see something, the ratio asks for as many as they are too long, by errors of that order.
 
-    The relative part of the tolerance refers to abs(x), but to no more than `largest`: half the period of an angle.
+    The relative part of the tolerance refers to abs(x), but to no more than half the period of an angle.
     """
+    largest, rtol, atol, order = motion.largest, motion.rtol, motion.atol, motion.order
     for m in range(members.size):
         b, i, row = m // LANES, m % LANES, members[m]
         worst = 0.0

@@ -38,13 +38,10 @@ def call_rows(address, rows, count, p):
 
 
 @by_address
-def call_period(address, context, x, steps, start, period, p, error, orbits):
+def call_period(address, context, x, steps, time, p, error, orbits):
     """Move blocks of lanes on by a period: ``advance(context, x, steps, start, period, p, error, orbits)``."""
 
 
 @by_address
-def call_look_up(
-    address, points, rotations, left, table, strides, origin, inverse, cells, circle, reach, lower, turn, number,
-    levels, made
-):  # fmt: skip
+def call_look_up(address, points, rotations, left, arrays, number, levels, made):
     """Move rows on by look-ups, as :mod:`cellmap._compiled.codegen.lookup` describes it; its arrays by address."""

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import functools
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..loops import inlined, loop
 
@@ -88,63 +90,109 @@ def curve(slopes, cells, wraps, begin, end, curved):
             stride *= cells[j]
 
 
+class Given(NamedTuple):
+    """What is known of a table.
+
+    ``slopes``, and how far they are from straight lines, ``curved`` (rows, cells d^2), ``indicator`` and ``rough``
+    (rows, cells) are taken row by row; ``images`` (n, d) are in cells.
+    """
+
+    slopes: NDArray[np.float64]
+    curved: NDArray[np.float64]
+    images: NDArray[np.float64]
+    indicator: NDArray[np.float32]
+    rough: NDArray[np.bool_]
+
+
+class Bounds(NamedTuple):
+    """What is found for each cell.
+
+    ``bends[:, 0]`` is the change from a cell to the next, ``bends[:, 1]`` twice the distance from a straight line:
+    where a line bends, it may bend more next to the centre.  ``estimates`` are errors of the spline, also in fallback
+    cells.
+    """
+
+    bends: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    tolerances: NDArray[np.float64]
+    estimates: NDArray[np.float64]
+
+
+class Around(NamedTuple):
+    """Extremes over a row and those beside it: of slopes, of how far they are from lines, and of the indicator.
+
+    In front of the row and behind it there is room for one more cell.
+    """
+
+    least: NDArray[np.float64]
+    most: NDArray[np.float64]
+    line: NDArray[np.float64]
+    error: NDArray[np.float64]
+
+
+@inlined
+def _gather(given, table, unbounded, r, beside, ways, around):
+    """Find the extremes over a row and those beside it, `ways` together."""
+    _, _, cells, wraps = table
+    least, most, line, error = around
+    d = len(beside)
+    width = d * d
+    size, length = given.slopes.shape[1], cells[d - 1]
+    for q in range(size):
+        # No comparison with a NaN is true.
+        least[width + q], most[width + q], line[width + q] = np.inf, -np.inf, 0.0
+    for k in range(length):
+        error[1 + k] = 0.0
+    stride = 1
+    for j in range(d - 2, -1, -1):
+        beside[j, 0], beside[j, 2] = _beside(r, j, cells, wraps, stride)
+        beside[j, 1] = r
+        stride *= cells[j]
+    for m in range(ways):
+        row, rest = r, m
+        for j in range(d - 1):
+            row += beside[j, rest % 3] - r
+            rest //= 3
+        for q in range(size):
+            value, bend, p = given.slopes[row, q], given.curved[row, q], width + q
+            least[p] = value if value < least[p] else least[p]
+            most[p] = value if value > most[p] else most[p]
+            line[p] = bend if bend > line[p] else line[p]
+        for k in range(length):
+            here = np.float64(given.indicator[row, k])
+            here = here if here < unbounded else unbounded
+            error[1 + k] = here if here > error[1 + k] else error[1 + k]
+    _pad(least, width, wraps[d - 1])
+    _pad(most, width, wraps[d - 1])
+    _pad(line, width, wraps[d - 1])
+    _pad(error, 1, wraps[d - 1])
+
+
 @functools.cache
 def bounding(d):
     """Return the function ``bound`` for a dimension."""
+    width = d * d
 
     @loop(vectors=True)
-    def bound(
-        table, slopes, curved, images, indicator, rough, numbers, begin, end, bends, errors, tolerances, estimates
-    ):
-        """Bound the changes of derivatives over a cell (n, 2) and errors, by the largest in the cell and around it.
+    def bound(table, given, numbers, begin, end, found):
+        """Bound changes of derivatives over a cell and errors, by the largest in the cell and around it.
 
-        ``table`` is (origin, widths, cells, wraps), ``numbers`` (safety, largest error, rtol, atol); ``slopes`` and
-        ``curved`` (rows, cells d^2), ``indicator`` and ``rough`` (rows, cells) are taken row by row.  ``bends[:, 0]``
-        is the change from a cell to the next, ``bends[:, 1]`` twice the distance from a straight line: where a line
-        bends, it may bend more next to the centre.  ``estimates`` are errors of the spline, also in fallback cells.
+        ``table`` is (origin, widths, cells, wraps), ``numbers`` (safety, largest error, rtol, atol).
         """
-        origin, widths, cells, wraps = table
+        origin, widths, cells, _ = table
         safety, unbounded, rtol, atol = numbers
-        size, length, around = slopes.shape[1], cells[d - 1], wraps[d - 1]
-        width = d * d
+        size, length = given.slopes.shape[1], cells[d - 1]
         beside = np.empty((d, 3), np.int64)
         least, most, line = np.empty(size + 2 * width), np.empty(size + 2 * width), np.empty(size + 2 * width)
         error = np.empty(length + 2)
         for r in range(begin, end):
-            for q in range(size):
-                # No comparison with a NaN is true.
-                least[width + q], most[width + q], line[width + q] = np.inf, -np.inf, 0.0
-            for k in range(length):
-                error[1 + k] = 0.0
-            stride = 1
-            for j in range(d - 2, -1, -1):
-                beside[j, 0], beside[j, 2] = _beside(r, j, cells, wraps, stride)
-                beside[j, 1] = r
-                stride *= cells[j]
-            for m in range(3 ** (d - 1)):
-                row, rest = r, m
-                for j in range(d - 1):
-                    row += beside[j, rest % 3] - r
-                    rest //= 3
-                for q in range(size):
-                    value, bend, p = slopes[row, q], curved[row, q], width + q
-                    least[p] = value if value < least[p] else least[p]
-                    most[p] = value if value > most[p] else most[p]
-                    line[p] = bend if bend > line[p] else line[p]
-                for k in range(length):
-                    here = np.float64(indicator[row, k])
-                    here = here if here < unbounded else unbounded
-                    error[1 + k] = here if here > error[1 + k] else error[1 + k]
-            _pad(least, width, around)
-            _pad(most, width, around)
-            _pad(line, width, around)
-            _pad(error, 1, around)
+            _gather(given, table, unbounded, r, beside, 3 ** (d - 1), Around(least, most, line, error))
             for k in range(length):
                 c = r * length + k
                 known, change, bent, tolerance = True, 0.0, 0.0, 0.0
                 for q in range(width):
                     p = width * k + q
-                    own = slopes[r, p]
+                    own = given.slopes[r, p]
                     known = known and abs(own) < np.inf
                     low, high = min(least[p], least[p + width]), max(most[p], most[p + width])
                     low, high = min(low, least[p + 2 * width]), max(high, most[p + 2 * width])
@@ -153,13 +201,13 @@ def bounding(d):
                     change += far * far
                     bent += bend * bend
                 for j in range(d):
-                    share = (atol + rtol * abs(origin[j] + images[c, j] * widths[j])) / widths[j]
+                    share = (atol + rtol * abs(origin[j] + given.images[c, j] * widths[j])) / widths[j]
                     known = known and share < np.inf
                     tolerance = max(tolerance, share)
-                bends[c, 0], bends[c, 1] = sqrt(change), 2.0 * sqrt(bent)
-                tolerances[c] = tolerance if known else np.inf
+                found.bends[c, 0], found.bends[c, 1] = sqrt(change), 2.0 * sqrt(bent)
+                found.tolerances[c] = tolerance if known else np.inf
                 largest = max(max(error[k], error[k + 1]), error[k + 2])
-                estimates[c] = safety * largest + tolerance
-                errors[c] = estimates[c] if known and not rough[r, k] else np.inf
+                found.estimates[c] = safety * largest + tolerance
+                found.errors[c] = found.estimates[c] if known and not given.rough[r, k] else np.inf
 
     return bound

@@ -33,13 +33,15 @@ def reaches_of(slopes, bends, errors, begin, end, reach):
 
 
 @loop
-def boxes_of(middle, reach, cells, circle, most, overhangs, begin, end, first, last):
-    """Write the first and the last cell that an image can touch along each axis; return nothing.
+def boxes_of(images, table, most, overhangs, begin, end, boxes):
+    """Write the first and the last cell that an image can touch along each axis.
 
-    Where they are not known, ``last`` is smaller than ``first``: the image is too far, touches more than `most` cells,
+    ``images`` are (middle, reach), ``table`` (origin, inverse, cells, circle) and ``boxes`` (first, last).  Where cells
+    are not known, ``last`` is smaller than ``first``: the image is too far, touches more than `most` cells,
     lies where an angle leaves the window that it comes back to, or leaves it where an attractor lies across
     (``overhangs``, boxes (n, 2, d)).
     """
+    (middle, reach), (first, last), (_, _, cells, circle) = images, boxes, table
     d = len(cells)
     low, high = np.zeros(d, np.int64), np.zeros(d, np.int64)
     for c in range(begin, end):

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import functools
 from math import floor, sqrt
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..loops import inlined, loop
 
@@ -18,6 +20,24 @@ FARTHEST = 1e15
 
 NONE, LOST = -10, -11
 """No region holds the error as a whole; it overlaps an edge of the window, beyond which orbits end."""
+
+
+class Window(NamedTuple):
+    """Owners of the cells of a table, where it is, and what is outside.
+
+    Points are ``(x - origin) * inverse`` cells from the first edge, of ``cells`` along each axis; ``circle`` is the
+    period of an angle in cells, or 0.  Where ``escapes`` is true orbits end outside, and ``outside`` is the owner of
+    boxes there, but for those that touch one of the boxes ``overhangs`` (n, 2, d) of attractors that lie across it.
+    """
+
+    owners: NDArray[np.int16]
+    origin: NDArray[np.float64]
+    inverse: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    circle: NDArray[np.float64]
+    escapes: int
+    outside: int
+    overhangs: NDArray[np.int64]
 
 
 @loop
@@ -43,12 +63,9 @@ def touches(first, last, boxes):
 
 
 @loop
-def owner_of_box(owners, first, last, cells, circle, escapes, outside, overhangs):
-    """Return the owner that all cells of a box share, else NONE; LOST where it lies across an edge that ends orbits.
-
-    ``outside`` is the owner of boxes beyond such an edge, except where they touch one of the boxes ``overhangs``
-    (n, 2, d) of attractors that lie across it.
-    """
+def owner_of_box(window, first, last):
+    """Return the owner that all cells of a box share, else NONE; LOST where it lies across an edge that ends orbits."""
+    cells, circle, escapes = window.cells, window.circle, window.escapes
     d = len(cells)
     here = np.empty(d, np.int64)
     leaves = False
@@ -61,7 +78,7 @@ def owner_of_box(owners, first, last, cells, circle, escapes, outside, overhangs
         elif last[j] < 0 or first[j] >= cells[j]:
             if not escapes:
                 return NONE
-            return LOST if touches(first, last, overhangs) else outside
+            return LOST if touches(first, last, window.overhangs) else window.outside
         elif first[j] < 0 or last[j] >= cells[j]:
             leaves = True
         here[j] = first[j]
@@ -72,7 +89,7 @@ def owner_of_box(owners, first, last, cells, circle, escapes, outside, overhangs
         flat = 0
         for j in range(d):
             flat = flat * cells[j] + (here[j] % cells[j])
-        owner = owners[flat]
+        owner = window.owners[flat]
         if owner == NONE or (shared != NONE and owner != shared):
             return NONE
         shared = owner
@@ -92,13 +109,13 @@ def judging(d):
     """Return the function ``judge`` for a dimension: loops of known length vanish."""
 
     @loop
-    def judge(points, spread, cell_owners, table, escapes, outside, overhangs, neighbourhoods, turn, found):
+    def judge(points, spread, window, neighbourhoods, turn, found):
         """Write into ``found`` the owner of the region that holds each point with all of its error, NONE or LOST.
 
-        Regions are cells with an owner and ellipsoids around attractors; ``table`` is (origin, inverse, cells, circle),
-        ``neighbourhoods`` (centres, metrics, owners), metrics in units of the coordinates.
+        Regions are cells with an owner and ellipsoids around attractors, ``neighbourhoods`` (centres, metrics, owners),
+        metrics in units of the coordinates.
         """
-        origin, inverse, cells, circle = table
+        origin, inverse, cells, circle = window.origin, window.inverse, window.cells, window.circle
         centres, metrics, owners = neighbourhoods
         first, last = np.empty(d, np.int64), np.empty(d, np.int64)
         shift = np.empty(d)
@@ -121,9 +138,9 @@ def judging(d):
             if not finite:
                 continue
             if single:
-                found[i] = cell_owners[flat]
+                found[i] = window.owners[flat]
             else:
-                found[i] = owner_of_box(cell_owners, first, last, cells, circle, escapes, outside, overhangs)
+                found[i] = owner_of_box(window, first, last)
             if found[i] != NONE:
                 continue
             for m in range(len(owners)):
@@ -148,16 +165,16 @@ def judging(d):
 
 
 @loop
-def sort_out(
-    found, spread, status, rows, age, patience, widest, mark, first, labels, times, evidence, kept, lost, gone
-):
+def sort_out(found, spread, status, rows, rule, outcome, places):
     """Write labels of rows that a region holds, and which of the others go on; return how many do.
 
-    ``rows`` are the numbers of initial conditions, for which ``patience``, ``labels``, ``times`` and ``evidence`` are
-    given; ``kept`` and ``lost`` get places among the rows, ``gone[0]`` how many are lost.  An orbit does not go on that
-    overlaps an edge, has not the status OK, has an error of `widest` cells or more, or is older than its patience.
-    Labels from `first` on are those of regions.
+    ``rows`` are the numbers of initial conditions, for which ``outcome`` has (patience, labels, times, evidence);
+    ``places`` are (kept, lost, gone), which get places among the rows, and how many are lost.  The ``rule`` is (age,
+    widest, mark, first): an orbit does not go on that overlaps an edge, has not the status OK, has an error of `widest`
+    cells or more, or is older than its patience.  Labels from `first` on are those of regions.
     """
+    (age, widest, mark, first), (kept, lost, gone) = rule, places
+    patience, labels, times, evidence = outcome
     d, going = spread.shape[1], 0
     gone[0] = 0
     for i in range(len(rows)):

@@ -1,4 +1,7 @@
-"""Markov chains as sparse matrices: sweeps, eliminations."""
+"""Markov chains as sparse matrices: sweeps, eliminations.
+
+A chain is (first, targets, probabilities): ``targets[first[i]:first[i + 1]]`` are the states to which state i leads.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,9 @@ _FIRST_LOOK = 8  # sweeps before their number is foreseen
 
 
 @loop
-def _relax_state(first, targets, probabilities, gain, values, state, sums):
+def _relax_state(chain, gain, values, state, sums):
     """Solve the equation of one state for its values; return the largest relative change."""
+    first, targets, probabilities = chain
     m = values.shape[1]
     for k in range(m):
         sums[k] = gain[k]
@@ -33,29 +37,31 @@ def _relax_state(first, targets, probabilities, gain, values, state, sums):
 
 
 @loop
-def relax(first, targets, probabilities, order, begin, closed, gain, values, number, last, patience, tolerance):
+def relax(chain, components, gain, values, number, last, patience, tolerance):
     """Solve ``values = gain + probabilities @ values`` on components that are not closed, from component `number` on.
 
-    ``order[begin[c]:begin[c + 1]]`` are the states of component c; those that it leads to come before it.  Within a
-    component this is Gauss and Seidel's method, up and down in turns.  Returns the first component, before `last`, for
-    which `patience` sweeps will not do, with its values as far as they have come, or `last`.
+    ``components`` are (order, begin, closed): ``order[begin[c]:begin[c + 1]]`` are the states of component c; those
+    that it leads to come before it.  Within a component this is Gauss and Seidel's method, up and down in turns.
+    Returns the first component, before `last`, for which `patience` sweeps will not do, with its values as far as they
+    have come, or `last`.
     """
+    order, begin, closed = components
     sums = np.empty(values.shape[1])
     for c in range(number, last):
         if closed[c]:
             continue
         low, high = begin[c], begin[c + 1]
         if high - low == 1:
-            _relax_state(first, targets, probabilities, gain, values, order[low], sums)
+            _relax_state(chain, gain, values, order[low], sums)
             continue
         before = np.inf
         sweep = 0
         while True:
             change = 0.0
             for i in range(low, high):
-                change = max(change, _relax_state(first, targets, probabilities, gain, values, order[i], sums))
+                change = max(change, _relax_state(chain, gain, values, order[i], sums))
             for i in range(high - 1, low - 1, -1):
-                change = max(change, _relax_state(first, targets, probabilities, gain, values, order[i], sums))
+                change = max(change, _relax_state(chain, gain, values, order[i], sums))
             sweep += 1
             rate = change / before if before > 0.0 else 0.0
             before = change
@@ -72,8 +78,9 @@ def relax(first, targets, probabilities, order, begin, closed, gain, values, num
 
 
 @loop
-def sweep(first, targets, probabilities, right, out):
+def sweep(chain, right, out):
     """Write one sweep of Gauss and Seidel's method, up and down, for ``out = right + probabilities @ out`` from 0."""
+    first, targets, probabilities = chain
     n = len(right)
     out[:] = 0.0
     for step in range(2 * n):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..loops import inlined, loop
 from .blocks import MOST_TURNS, wrap_angle
@@ -17,30 +19,41 @@ _LARGEST, _SMALLEST = 1e100, 1e-100  # product of growths whose logarithm is tak
 _LITTLE = 0.01  # of the square of a length: less is left with errors that a second pass removes
 
 
+class FrameStep(NamedTuple):
+    """The address of the step of states with one tangent vector each, 2 d numbers in a row, and its parameters.
+
+    ``lower`` and ``turn`` (d,) are branch cuts and periods of the coordinates; a coordinate of the size `bound` has
+    ended, an angle where its phase is lost.
+    """
+
+    function: int
+    parameters: NDArray[np.float64]
+    lower: NDArray[np.float64]
+    turn: NDArray[np.float64]
+    bound: float
+
+
+class Framed(NamedTuple):
+    """Points (n, d), full rotations taken out of angles (n, d), orthonormal columns (n, d, d), and which have ended."""
+
+    points: NDArray[np.float64]
+    rotations: NDArray[np.int64]
+    frames: NDArray[np.float64]
+    ended: NDArray[np.bool_]
+
+
 @functools.cache
 def carrying(d):
     """Return the function ``carry`` for a dimension: loops of known length vanish."""
 
     @loop
-    def carry(step, parameters, lower, turn, bound, points, rotations, frames, ended, periods, growth):
-        """Move orbits and their frames on; write the logarithms of what the frames have grown by.
+    def carry(step, orbits, periods, growth):
+        """Move orbits and their frames on, in place, but for those that have ended.
 
-        Parameters
-        ----------
-        step : int
-            Address of the step of states with one tangent vector each, 2 d numbers in a row.
-        parameters, lower, turn : ndarray
-            Parameters of the step; branch cuts and periods of the coordinates, shape (d,).
-        bound : float
-            Size from which on an orbit has ended; for an angle it is that at which its phase is lost.
-        points, rotations, frames, ended : ndarray, shapes (n, d), (n, d), (n, d, d), (n,)
-            Points, full rotations taken out of angles, orthonormal columns, and which orbits are terminated, and stay
-            as they are.  All are changed in place.
-        periods : int
-            Steps.
-        growth : ndarray, shape (n, d)
-            Receives the logarithms: NaN where a derivative is not finite, minus infinity where a direction vanishes.
+        ``growth`` (n, d) receives the logarithms of what the frames have grown by: NaN where a derivative is not
+        finite, minus infinity where a direction vanishes.
         """
+        points, rotations, frames, ended = orbits
         rows, factors = np.empty((d, 2 * d)), np.empty(d)
         vectors = rows[:, d:]
         for k in range(len(points)):
@@ -51,10 +64,11 @@ def carrying(d):
             for _ in range(periods):
                 if ended[k]:
                     break
-                call_rows(step, rows, d, parameters)
+                call_rows(step.function, rows, d, step.parameters)
                 inside = finite = True
                 for i in range(d):
-                    inside &= abs(rows[0, i]) < (MOST_TURNS * turn[i] if turn[i] > 0.0 else bound)
+                    turn = step.turn[i]
+                    inside &= abs(rows[0, i]) < (MOST_TURNS * turn if turn > 0.0 else step.bound)
                     for j in range(d):
                         finite &= abs(vectors[j, i]) < np.inf
                 if not inside:
@@ -62,26 +76,31 @@ def carrying(d):
                     break
                 for i in range(d):
                     points[k, i] = rows[0, i]
-                    ended[k] |= not wrap_angle(points, rotations, k, i, lower[i], turn[i])
+                    ended[k] |= not wrap_angle(points, rotations, k, i, step.lower[i], step.turn[i])
                     for j in range(d):
                         rows[j, i] = points[k, i]
-                if finite:
-                    _orthonormalise(vectors, factors, d)
-                    for j in range(d):
-                        if not _SMALLEST < factors[j] < _LARGEST:
-                            growth[k, j] += np.log(factors[j])
-                            factors[j] = 1.0
-                else:
-                    for j in range(d):
-                        growth[k, j] = np.nan
-                        for i in range(d):
-                            vectors[j, i] = 1.0 if i == j else 0.0
+                _grow(vectors, factors, finite, growth[k], d)
             for j in range(d):
                 growth[k, j] += np.log(factors[j])
                 for i in range(d):
                     frames[k, i, j] = vectors[j, i]
 
     return carry
+
+
+@inlined
+def _grow(vectors, factors, finite, growth, d):
+    """Make rows orthonormal and keep what they have grown by; where they are not finite, begin again."""
+    if finite:
+        _orthonormalise(vectors, factors, d)
+    for j in range(d):
+        if not finite:
+            growth[j] = np.nan
+            for i in range(d):
+                vectors[j, i] = 1.0 if i == j else 0.0
+        elif not _SMALLEST < factors[j] < _LARGEST:
+            growth[j] += np.log(factors[j])
+            factors[j] = 1.0
 
 
 @inlined

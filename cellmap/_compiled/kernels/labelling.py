@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..loops import inlined, loop
 from .calls import call_look_up
 from .capture import LOOKED_AT, ellipsoids_of, held_by_cover
-from .periods import ESCAPED, INACCURATE, Motion, integrate, iterate
+from .periods import ESCAPED, INACCURATE, NOWHERE, Discrete, Motion, integrate, iterate
 
 FINISHED, INTERRUPTED, ASKS_FOR_POOL, ASKS_FOR_WAITING = 0, 1, 2, 3
 """Why the loop returns: nothing is left, so that Ctrl-C is heard, or for one step of the map or of the exact map."""
@@ -44,34 +44,28 @@ class Table(NamedTuple):
     table everywhere; ``escapes``: whether orbits end outside.  The rest tells where outside is.
     """
 
-    function: int
-    arrays: NDArray[np.int64]
-    levels: int
-    escapes: int
-    origin: NDArray[np.float64]
-    inverse: NDArray[np.float64]
-    cells: NDArray[np.float64]
-    circle: NDArray[np.float64]
-
-
-class Discrete(NamedTuple):
-    """A discrete map, as :func:`iterate` takes it."""
-
-    function: int
-    context: NDArray[np.int64]
-    parameters: NDArray[np.float64]
-    bound: float
+    function: int = 0
+    arrays: tuple[int, ...] = (0,) * 9
+    levels: int = 0
+    escapes: int = 0
+    origin: NDArray[np.float64] = NOWHERE
+    inverse: NDArray[np.float64] = NOWHERE
+    cells: NDArray[np.float64] = NOWHERE
+    circle: NDArray[np.float64] = NOWHERE
 
 
 class Step(NamedTuple):
-    """How orbits make a period: with a table or without, and by the exact map of some kind."""
+    """How orbits make a period: with a table or without, and by the exact map of some kind.
 
-    table: Table
-    kind: int
-    motion: Motion
-    discrete: Discrete
-    lower: NDArray[np.float64]
-    turn: NDArray[np.float64]
+    Without arguments it is that of a map of which nothing is known but the function that it is.
+    """
+
+    table: Table = Table()
+    kind: int = NOT_COMPILED
+    motion: Motion = Motion()
+    discrete: Discrete = Discrete()
+    lower: NDArray[np.float64] = NOWHERE
+    turn: NDArray[np.float64] = NOWHERE
 
 
 class Limits(NamedTuple):
@@ -120,7 +114,7 @@ class Outcome(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Work arrays of a look at some rows."""
+    """Arrays for a look at some rows, and ``made``, the number of periods or look-ups."""
 
     places: NDArray[np.float64]
     distances: NDArray[np.float64]
@@ -129,15 +123,25 @@ class Scratch(NamedTuple):
     made: NDArray[np.int64]
 
 
+class Work(NamedTuple):
+    """Rows of the pool and those that wait, arrays for a look at them, and counts."""
+
+    pool: Rows
+    waiting: Rows
+    scratch: Scratch
+    counts: NDArray[np.int64]
+
+
 @loop
-def label(step, regions, covers, limits, outcome, pool, waiting, scratch, counts):
+def label(step, regions, covers, limits, outcome, work):
     """Label orbits within some limits; return why the loop stops."""
+    pool, waiting, scratch, counts = work
     while True:
         if counts[MOVED] > 0:
             _return_waiting(pool, waiting, counts)
         if counts[LOOKED] == 0:
             _fill(outcome, pool, counts, limits.age)
-            _look(step.table, step.turn, regions, covers, limits, outcome, pool, waiting, scratch, counts)
+            _look(step, regions, covers, limits, outcome, work)
         counts[LOOKED] = 0
         active, waits = counts[ACTIVE], counts[WAITING]
         if active + waits == 0:
@@ -153,12 +157,10 @@ def label(step, regions, covers, limits, outcome, pool, waiting, scratch, counts
                 pool.left[i] = 0
         else:
             if active > 0:
-                arrays = step.table.arrays
+                table, made = step.table, scratch.made
                 call_look_up(
-                    step.table.function, pool.points, pool.rotations, pool.left, arrays[0], arrays[1], arrays[2],
-                    arrays[3], arrays[4], arrays[5], arrays[6], arrays[7], arrays[8], active, step.table.levels,
-                    scratch.made,
-                )  # fmt: skip
+                    table.function, pool.points, pool.rotations, pool.left, table.arrays, active, table.levels, made
+                )
                 counts[LOOK_UPS] += scratch.made[0]
                 counts[SPENT] += 1 + active // 64
             if waits == 0 or (waits < FULL and active > 0):
@@ -177,13 +179,9 @@ def label(step, regions, covers, limits, outcome, pool, waiting, scratch, counts
 def apply_exact_map(step, points, rotations, status, periods):
     """Move orbits on by some periods of a compiled map, flow or function; return the steps or applications made."""
     if step.kind == FLOW:
-        return integrate(
-            step.motion, points, rotations, status, np.empty((0, 0), np.uint8), step.lower, step.turn, periods
-        )  # fmt: skip
-    f = step.discrete
-    return iterate(
-        f.function, f.context, f.parameters, f.bound, points, rotations, status, step.lower, step.turn, periods
-    )
+        small = np.empty((0, 0), np.uint8)
+        return integrate(step.motion, points, rotations, status, small, step.lower, step.turn, periods)
+    return iterate(step.discrete, points, rotations, status, step.lower, step.turn, periods)
 
 
 @inlined
@@ -225,8 +223,9 @@ def _fill(outcome, pool, counts, age):
 
 
 @loop
-def _look(table, turn, regions, covers, limits, outcome, pool, waiting, scratch, counts):
+def _look(step, regions, covers, limits, outcome, work):
     """Find the rows that have settled or ended, and those that the table does not serve; the others go on."""
+    pool, waiting, scratch, counts = work
     rows, holes, found, made = counts[ACTIVE], 0, scratch.found, 0
     age, end, stride = limits.age, limits.end, limits.stride
     by_region_alone = covers.owners.size == 0 and stride == 1 and outcome.told.size == 0
@@ -234,7 +233,7 @@ def _look(table, turn, regions, covers, limits, outcome, pool, waiting, scratch,
     grows = regions.owners.size + covers.owners.size == 0
     for begin in range(0, rows, LOOKED_AT):
         some = min(LOOKED_AT, rows - begin)
-        ellipsoids_of(pool.points, begin, some, regions, turn, scratch.places, scratch.distances, found)
+        ellipsoids_of(pool.points, begin, some, regions, step.turn, scratch.places, scratch.distances, found)
         for i in range(some):
             r = begin + i
             k = pool.age[r]
@@ -244,7 +243,7 @@ def _look(table, turn, regions, covers, limits, outcome, pool, waiting, scratch,
                     if pool.left[r] < 0:
                         pool.left[r] = -pool.left[r]
                         continue
-                    if not (table.escapes != 0 and _is_outside(table, pool.points, r)):
+                    if not (step.table.escapes != 0 and _is_outside(step.table, pool.points, r)):
                         _copy(pool, r, waiting, counts[WAITING])
                         counts[WAITING] += 1
                         scratch.holes[holes] = r

@@ -35,6 +35,10 @@ PROBE = 16
 """One step of this part of the time tells how many steps the whole of it will take."""
 
 
+NONE, NOWHERE = np.zeros(1, np.int64), np.zeros(1)
+"""Arrays of what is not there: a motion, a map, a table."""
+
+
 class Motion(NamedTuple):
     """What a system is integrated with.
 
@@ -76,27 +80,58 @@ class Motion(NamedTuple):
         Receives 1 for a component that was smaller, and is larger again.
     """
 
-    function: int
-    context: NDArray[np.int64]
-    parameters: NDArray[np.float64]
-    begin: float
-    length: float
-    largest: NDArray[np.float64]
-    rtol: float
-    atol: NDArray[np.float64]
-    digit: float
-    ladder: NDArray[np.int64]
-    lowest: int
-    probe: int
-    highest_climb: int
-    order: int
-    safety: float
-    trial: int
-    checked: float
-    more: float
-    agreement: float
-    floor: NDArray[np.float64]
-    lost: NDArray[np.int64]
+    function: int = 0
+    context: NDArray[np.int64] = NONE
+    parameters: NDArray[np.float64] = NOWHERE
+    begin: float = 0.0
+    length: float = 0.0
+    largest: NDArray[np.float64] = NOWHERE
+    rtol: float = 0.0
+    atol: NDArray[np.float64] = NOWHERE
+    digit: float = 0.0
+    ladder: NDArray[np.int64] = NONE
+    lowest: int = 0
+    probe: int = 0
+    highest_climb: int = 0
+    order: int = 0
+    safety: float = 0.0
+    trial: int = 0
+    checked: float = 0.0
+    more: float = 0.0
+    agreement: float = 0.0
+    floor: NDArray[np.float64] = NOWHERE
+    lost: NDArray[np.int64] = NONE
+
+
+class Discrete(NamedTuple):
+    """A discrete map: a compiled function, what it is called with, and the size from which on orbits have diverged."""
+
+    function: int = 0
+    context: NDArray[np.int64] = NONE
+    parameters: NDArray[np.float64] = NOWHERE
+    bound: float = 0.0
+
+
+class Batch(NamedTuple):
+    """What is known of orbits in a period, by their numbers or, of those that still need steps, by their places.
+
+    By number: ``initial`` points (n, d); ``ratios`` of error to tolerance; ratio and steps of the round ``before``
+    (n, 2); images of fewer steps, ``earlier``; ``checks``, whether these are compared.  By place: rungs ``taken`` and
+    next ``rungs``, and where those of a rung end in the order of rungs.  ``blocks``, their ``errors`` and ``numbers``
+    of steps are handed to the compiled period.
+    """
+
+    initial: NDArray[np.float64]
+    ratios: NDArray[np.float64]
+    before: NDArray[np.float64]
+    earlier: NDArray[np.float64]
+    checks: NDArray[np.int64]
+    taken: NDArray[np.int64]
+    rungs: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    blocks: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    numbers: NDArray[np.int64]
 
 
 @loop
@@ -112,13 +147,22 @@ def integrate(motion, points, rotations, status, small, lower, turn, periods):
     ``small`` (n, d) remembers which components are below their floor, see :func:`notice`; it may be empty.
     """
     n, d = points.shape
-    initial, ratios, before = np.empty((n, d)), np.empty(n), np.empty((n, 2))
     living, members, ordered = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
-    taken, rungs, checks = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
-    earlier = np.empty((n if motion.checked > 0.0 else 0, d))
-    ends = np.empty(motion.ladder.size, np.int64)
+    checks, taken, rungs = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
     blocks = np.empty((-(-n // LANES), d, LANES))
-    errors, numbers = np.empty_like(blocks), np.empty(len(blocks), np.int64)
+    batch = Batch(
+        np.empty((n, d)),
+        np.empty(n),
+        np.empty((n, 2)),
+        np.empty((n if motion.checked > 0.0 else 0, d)),
+        checks,
+        taken,
+        rungs,
+        np.empty(motion.ladder.size, np.int64),
+        blocks,
+        np.empty_like(blocks),
+        np.empty(len(blocks), np.int64),
+    )
     total = 0
     if small.size > 0:
         notice(motion, points, status, small)
@@ -126,63 +170,84 @@ def integrate(motion, points, rotations, status, small, lower, turn, periods):
         alive = _living(status, living)
         if alive == 0:
             break
-        for m in range(alive):
-            k = living[m]
-            members[m], taken[m] = k, motion.probe
-            for j in range(d):
-                initial[k, j] = points[k, j]
-            before[k, 0] = before[k, 1] = -1.0
-            checks[k] = CHOSEN if _is_chosen(initial, k, motion.checked) else UNCHECKED
-        shortened = motion.length / PROBE
-        _images(motion, initial, members[:alive], motion.trial, shortened, blocks, errors, numbers, points, ratios)
         total += alive
-        for m in range(alive):
-            ratios[living[m]] *= PROBE
+        _begin(motion, batch, points, living[:alive], members[:alive])
         left, first = alive, True
         while left > 0:
             if motion.checked > 0.0 and not first:
-                for m in range(left):
-                    k = members[m]
-                    met = 0.0 <= ratios[k] <= 1.0
-                    if met and (checks[k] > CHOSEN or (checks[k] == CHOSEN and taken[m] < motion.ladder.size - 1)):
-                        ratios[k] = _disagreement(motion, initial, points, earlier, checks, before, k)
-                    elif checks[k] == COMPARED:
-                        # More steps do worse, as some do that meet several events at once: nothing to compare with.
-                        checks[k], ratios[k] = UNCHECKED, 0.0
-                        for j in range(d):
-                            points[k, j] = earlier[k, j]
-            next_rungs(
-                members[:left], taken, ratios, before, motion.order, first, motion.lowest, motion.ladder, motion.safety,
-                motion.highest_climb, rungs,
-            )  # fmt: skip
+                _compare(motion, batch, points, members[:left])
+            next_rungs(motion, batch, members[:left], first)
             if not first:
-                for m in range(left):
-                    k = members[m]
-                    if rungs[m] == MISSED:
-                        status[k] = INACCURATE
-                        if ratios[k] > motion.digit:
-                            _end(points, status, k, OUT_OF_STEPS)
-                    elif rungs[m] == NOT_FINITE:
-                        # The ratio is infinite for one that has not arrived, and NaN where it is nowhere.
-                        _end(points, status, k, OUT_OF_STEPS if ratios[k] == np.inf else DIVERGED)
-            sort_by_rung(members[:left], rungs[:left], motion.ladder.size, ordered, taken, ends)
+                _give_up(motion, batch, points, status, members[:left])
+            sort_by_rung(members[:left], rungs[:left], motion.ladder.size, ordered, taken, batch.ends)
             members, ordered = ordered, members
-            first, begin = False, 0
-            for rung in range(motion.ladder.size):
-                end = ends[rung]
-                if end > begin:
-                    steps = motion.ladder[rung]
-                    some = members[begin:end]
-                    _images(motion, initial, some, steps, motion.length, blocks, errors, numbers, points, ratios)
-                    for b in range(-(-some.size // LANES)):
-                        total += numbers[b] * min(LANES, some.size - b * LANES)
-                    begin = end
-            left = begin
+            first = False
+            total += _climb(motion, batch, points, members)
+            left = batch.ends[motion.ladder.size - 1]
         for m in range(alive):
             if status[living[m]] < ESCAPED:
                 _wrap(points, rotations, status, living[m], lower, turn)
         if small.size > 0:
             notice(motion, points, status, small)
+    return total
+
+
+@inlined
+def _begin(motion, batch, points, living, members):
+    """Begin a period, with a trial step of each orbit."""
+    for m in range(living.size):
+        k = living[m]
+        members[m], batch.taken[m] = k, motion.probe
+        for j in range(points.shape[1]):
+            batch.initial[k, j] = points[k, j]
+        batch.before[k, 0] = batch.before[k, 1] = -1.0
+        batch.checks[k] = CHOSEN if _is_chosen(batch.initial, k, motion.checked) else UNCHECKED
+    _images(motion, batch, members, motion.trial, motion.length / PROBE, points)
+    for m in range(living.size):
+        batch.ratios[living[m]] *= PROBE
+
+
+@inlined
+def _compare(motion, batch, points, members):
+    """Compare images that meet the tolerance with those of fewer steps, where that is to be done."""
+    checks, ratios = batch.checks, batch.ratios
+    for m in range(members.size):
+        k = members[m]
+        met = 0.0 <= ratios[k] <= 1.0
+        if met and (checks[k] > CHOSEN or (checks[k] == CHOSEN and batch.taken[m] < motion.ladder.size - 1)):
+            ratios[k] = _disagreement(motion, batch, points, k)
+        elif checks[k] == COMPARED:
+            # More steps do worse, as some do that meet several events at once: nothing to compare with.
+            checks[k], ratios[k] = UNCHECKED, 0.0
+            for j in range(points.shape[1]):
+                points[k, j] = batch.earlier[k, j]
+
+
+@inlined
+def _give_up(motion, batch, points, status, members):
+    """Mark the orbits that no number of steps would do for."""
+    for m in range(members.size):
+        k, ratio = members[m], batch.ratios[members[m]]
+        if batch.rungs[m] == MISSED:
+            status[k] = INACCURATE
+            if ratio > motion.digit:
+                _end(points, status, k, OUT_OF_STEPS)
+        elif batch.rungs[m] == NOT_FINITE:
+            # The ratio is infinite for one that has not arrived, and NaN where it is nowhere.
+            _end(points, status, k, OUT_OF_STEPS if ratio == np.inf else DIVERGED)
+
+
+@inlined
+def _climb(motion, batch, points, members):
+    """Integrate orbits that have a rung, rung by rung; return the steps that they took together."""
+    total = begin = 0
+    for rung in range(motion.ladder.size):
+        end = batch.ends[rung]
+        if end > begin:
+            _images(motion, batch, members[begin:end], motion.ladder[rung], motion.length, points)
+            for b in range(-(-(end - begin) // LANES)):
+                total += batch.numbers[b] * min(LANES, end - begin - b * LANES)
+            begin = end
     return total
 
 
@@ -207,11 +272,12 @@ def notice(motion, points, status, small):
 
 
 @loop
-def iterate(function, context, parameters, bound, points, rotations, status, lower, turn, periods):
+def iterate(discrete, points, rotations, status, lower, turn, periods):
     """Apply a discrete map to orbits some times; return how often it was applied.
 
-    An orbit that is not smaller than ``bound`` has DIVERGED, as one whose angle has no phase.
+    An orbit that is not smaller than the bound has DIVERGED, as one whose angle has no phase.
     """
+    function, context, parameters, bound = discrete
     n, d = points.shape
     living = np.empty(n, np.int64)
     block, error, once = np.empty((1, d, LANES)), np.empty((1, d, LANES)), np.ones(1, np.int64)
@@ -221,7 +287,7 @@ def iterate(function, context, parameters, bound, points, rotations, status, low
         members = living[begin : min(begin + LANES, alive)]
         pack(points, members, block)
         for _ in range(periods):
-            call_period(function, context, block, once, 0.0, 1.0, parameters, error, members.size)
+            call_period(function, context, block, once, (0.0, 1.0), parameters, error, members.size)
             moving = 0
             for i in range(members.size):
                 k = members[i]
@@ -259,8 +325,9 @@ def _is_chosen(points, k, fraction):
 
 
 @inlined
-def _disagreement(motion, initial, points, earlier, checks, before, k):
+def _disagreement(motion, batch, points, k):
     """Compare an image with that of fewer steps, where there is one, and keep it; return a ratio as that of errors."""
+    initial, earlier, checks, before = batch.initial, batch.earlier, batch.checks, batch.before
     worst, size = 0.0, 0.0
     for j in range(points.shape[1]):
         size = max(size, abs(points[k, j]), abs(initial[k, j]))
@@ -289,21 +356,26 @@ def _living(status, living):
 
 
 @loop
-def _images(motion, initial, members, steps, length, blocks, errors, numbers, images, ratios):
+def _images(motion, batch, members, steps, length, images):
     """Integrate some orbits over a time with a number of steps, in full blocks of lanes.
 
-    ``numbers`` receives the steps that each block took.
+    The batch receives the steps that each block took.
     """
     used = -(-members.size // LANES)
-    blocks, errors = blocks[:used], errors[:used]
-    numbers[:used] = steps
-    pack(initial, members, blocks)
+    blocks, errors = batch.blocks[:used], batch.errors[:used]
+    batch.numbers[:used] = steps
+    pack(batch.initial, members, blocks)
     call_period(
-        motion.function, motion.context, blocks, numbers, motion.begin, length, motion.parameters, errors, members.size
-    )  # fmt: skip
-    unpack(
-        blocks, errors, members, images, ratios, motion.largest, motion.rtol, motion.atol, motion.order
-    )  # fmt: skip
+        motion.function,
+        motion.context,
+        blocks,
+        batch.numbers,
+        (motion.begin, length),
+        motion.parameters,
+        errors,
+        members.size,
+    )
+    unpack(motion, blocks, errors, members, images, batch.ratios)
 
 
 @inlined

@@ -14,19 +14,22 @@ ASYMPTOTIC = 512.0  # steps a period from which on errors are taken to fall as t
 
 
 @loop
-def next_rungs(members, taken, ratios, before, order, first, lowest, steps, safety, climb, rungs):
-    """Choose the next rung of each member, or say why there is none.
+def next_rungs(motion, batch, members, first):
+    """Choose the next rung of each member of a batch, or say why there is none.
 
     ``taken[m]`` is the rung that gave ``ratios[members[m]]``, error estimate over tolerance; in the ``first`` round it
-    stands for a trial, and no rung below ``lowest`` is chosen.  Rung k has ``steps[k]`` steps and should do where
-    ``steps[k]**order >= safety * ratio * steps[taken]**order``.  At most ``climb`` rungs are climbed at once, or twice
-    as many from an image that is not finite.  ``before[members[m]]`` holds ratio and steps of the round before, -1 for
-    none; where the ratio falls so slowly that the last rung would not do, as it does across a kink, there is no next.
+    stands for a trial, and no rung below the lowest is chosen.  Rung k has ``ladder[k]`` steps and should do where
+    ``ladder[k]**order >= safety * ratio * ladder[taken]**order``.  At most ``highest_climb`` rungs are climbed at once,
+    or twice as many from an image that is not finite.  ``before[members[m]]`` holds ratio and steps of the round
+    before, -1 for none; where the ratio falls so slowly that the last rung would not do, as it does across a kink,
+    there is no next.
     """
+    taken, before, rungs, steps = batch.taken, batch.before, batch.rungs, motion.ladder
+    order, lowest, climb = motion.order, motion.lowest, motion.highest_climb
     last = steps.size - 1
     for m in range(members.size):
         member, rung = members[m], taken[m]
-        ratio = ratios[member]
+        ratio = batch.ratios[member]
         finite = ratio < np.inf
         if ratio == BLOWN_UP and not first:
             rungs[m] = DIVERGED
@@ -46,7 +49,7 @@ def next_rungs(members, taken, ratios, before, order, first, lowest, steps, safe
                     continue
             if not first:
                 before[member, 0], before[member, 1] = ratio, steps[rung]
-            needed = (safety * ratio) ** (1.0 / order) * steps[rung]
+            needed = (motion.safety * ratio) ** (1.0 / order) * steps[rung]
             high = max(low, min(rung + climb, last))
             while low < high:
                 middle = (low + high) // 2

@@ -166,7 +166,6 @@ def _boxes_of_images(
 
     Cells across a kink that end on one attractor at once, as where dry friction holds the state, get it in `held`.
     """
-    cells, circle = setting.place[2:]
     middle, reach = errors.images, np.empty(errors.images.shape)
     first, last = np.empty(middle.shape, np.int32), np.empty(middle.shape, np.int32)
 
@@ -174,7 +173,8 @@ def _boxes_of_images(
         reaches_of(errors.slopes, errors.bends, errors.errors, part.start, part.stop, reach)
 
     def enclose(part: slice) -> None:
-        boxes_of(middle, reach, cells, circle, _MOST_CELLS, setting.overhangs, part.start, part.stop, first, last)
+        images, boxes = (middle, reach), (first, last)
+        boxes_of(images, setting.place, _MOST_CELLS, setting.overhangs, part.start, part.stop, boxes)
 
     parts = slices(setting.grid.size, CHUNK)
     run_over(parts, measure)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._compiled.kernels.certainty import NONE, carry_rows, judging, keep_rows, sort_out, widening
+from ..._compiled.kernels.certainty import NONE, Window, carry_rows, judging, keep_rows, sort_out, widening
 from ..._lib.arrays import Bools, Floats, Ints
 from ..._lib.checks import affordable_number, claim_memory, finite_number, warn_caller
 from ..._lib.randomness import Rng, random_numbers, random_seed
@@ -274,16 +274,13 @@ class _Run:
         spread, found = np.zeros((len(rows), d, d)), np.empty(len(rows), np.int64)
         kept, lost, gone = np.empty(len(rows), np.int64), np.empty(len(rows), np.int64), np.zeros(1, np.int64)
         judge, steps = judging(d), 0
+        window = Window(self.owners, *setting.place, int(setting.escapes), _ESCAPED, setting.overhangs)
+        outcome = self.patience, self.labels, self.times, self.evidence
         for k in range(self.periods + 1):
-            judge(
-                orbits.points, spread, self.owners, setting.place, int(setting.escapes), _ESCAPED, setting.overhangs,
-                setting.neighbourhoods, setting.catalogue.turn, found,
-            )  # fmt: skip
+            judge(orbits.points, spread, window, setting.neighbourhoods, setting.catalogue.turn, found)
             self._stopped(orbits, spread, found)
-            going = sort_out(
-                found, spread, orbits.status, rows, k, self.patience, _WIDEST, int(mark), _ESCAPED, self.labels,
-                self.times, self.evidence, kept, lost, gone,
-            )  # fmt: skip
+            rule = k, _WIDEST, int(mark), _ESCAPED
+            going = sort_out(found, spread, orbits.status, rows, rule, outcome, (kept, lost, gone))
             if gone[0] and mark is Evidence.EXACT:
                 some = lost[: gone[0]]
                 left.append(_Left(rows[some], orbits[some], k))

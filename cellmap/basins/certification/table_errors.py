@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..._compiled.kernels.cell_errors import bounding, curve, differences, probes
+from ..._compiled.kernels.cell_errors import Bounds, Given, bounding, curve, differences, probes
 from ..._lib.arrays import Floats
 from ..._lib.threads import run_over, slices
 from ...maps.coordinates import turns_of
@@ -66,16 +66,16 @@ class TableErrors:
         curved = np.empty(by_rows.shape)
         # A table that orbits stay in despite a neighbour without image has an error that is not known to be small.
         numbers = safety, _UNBOUNDED, *map(float, exact.tolerance)
-        indicator, fallback = (a.reshape(-1, grid.shape[-1]) for a in (table.indicator, table.fallback))
+        by_cells = table.indicator.reshape(-1, grid.shape[-1]), table.fallback.reshape(-1, grid.shape[-1])
+
+        given = Given(by_rows, curved, images, *by_cells)
+        found = Bounds(bends, errors, tolerances, estimates)
 
         def bend(part: slice) -> None:
             curve(by_rows, cells, wraps, part.start, part.stop, curved)
 
         def bound(part: slice) -> None:
-            bounding(d)(
-                (origin, grid.widths, cells, wraps), by_rows, curved, images, indicator, fallback, numbers,
-                part.start, part.stop, bends, errors, tolerances, estimates,
-            )  # fmt: skip
+            bounding(d)((origin, grid.widths, cells, wraps), given, numbers, part.start, part.stop, found)
 
         parts = slices(len(by_rows), CHUNK // grid.shape[-1] + 1)
         run_over(parts, bend)

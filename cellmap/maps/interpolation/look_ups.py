@@ -59,7 +59,7 @@ class LookUps(CompiledAdvance):
         _, _, origin, inverse, cells, circle, _, lower, turn = self._description
         self._table = Table(
             function=self._look_up.address,
-            arrays=np.array(addresses, np.int64),
+            arrays=tuple(addresses),
             levels=levels,
             escapes=int(not self._integrate),
             origin=origin,
