@@ -38,7 +38,7 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap._compiled.codegen.lookup import lookup_kernel
-from cellmap._compiled.codegen.period import compiled_period
+from cellmap._compiled.codegen.period import compiled_advance
 from cellmap._compiled.machine_code import machine_code
 
 WINDOW = CellGrid((-1.5, -1.0), (1.5, 1.05), (190, 180))  # three tiles
@@ -178,7 +178,7 @@ def test_bits_do_not_depend_on_the_cache_of_compiled_code(tmp_path, monkeypatch)
     found, kept = [], []
     for folder in ("", tmp_path / "one", tmp_path / "other", tmp_path / "one"):
         monkeypatch.setenv("CELLMAP_CACHE_DIR", str(folder))
-        for compiled in (machine_code, lookup_kernel, compiled_period):
+        for compiled in (machine_code, lookup_kernel, compiled_advance):
             compiled.cache_clear()
         exact = wells()
         found.append(find_basins(exact, SMALL))

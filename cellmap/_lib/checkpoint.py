@@ -141,7 +141,7 @@ def describe(file: h5py.File, format: str, schema: int) -> None:
     """Say what a file is, and what wrote it."""
     put_text(file, "format", format)
     file.attrs["schema"] = schema
-    versions = {"cellmap": __version__} | {n: version(n) for n in ("numpy", "numba", "h5py")}
+    versions = {"cellmap": __version__} | {n: version(n) for n in ("numpy", "llvmlite", "h5py")}
     put_text(file, "versions", json.dumps(versions))
 
 

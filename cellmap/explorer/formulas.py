@@ -6,7 +6,7 @@ import ast
 import math
 from math import isfinite, pi
 
-from .._compiled.codegen.elementary import OF_MATH
+from .._compiled.codegen.functions import OF_MATH
 from .._compiled.codegen.rebind import NUMPY_NAMES
 
 LONGEST_TEXT = 10_000

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from cellmap import discrete_map
-from cellmap._compiled.codegen.elementary import FUNCTIONS
+from cellmap._compiled.codegen.functions import OF_MATH
 from cellmap.explorer.equations import typed_system
 from cellmap.explorer.formulas import IN_NUMPY
 
 OF_TWO = {"atan2", "copysign", "fmod", "hypot", "pow"}
-NAMES = sorted(name for name in (*FUNCTIONS, "pow") if hasattr(math, name))
+NAMES = sorted(OF_MATH)
 
 
 def test_there_are_those_that_were_missing() -> None:

@@ -12,8 +12,8 @@ import pytest
 
 from cellmap import ForcedSystem, stroboscopic_map
 from cellmap._compiled.codegen.kernel import flow_kernel, traced_function
-from cellmap._compiled.codegen.lanes import lane_module
 from cellmap._compiled.codegen.methods import choose_method
+from cellmap._compiled.codegen.period import period_text
 from cellmap._compiled.codegen.trace import STATEFUL, TIMED, Trace
 from cellmap._compiled.machine_code import machine_code
 from systems import (
@@ -45,8 +45,8 @@ def operations(system: ForcedSystem, level: int) -> Counter[str]:
 
 
 def kernel_text(system: ForcedSystem, method: str = "DOP853") -> str:
-    code = choose_method(method, traced(system), 1e-9).write(traced(system))
-    return lane_module(code, system.dimension, len(system.params))
+    step: Any = choose_method(method, traced(system), 1e-9).write(traced(system))
+    return period_text(step, system.dimension, len(system.params), 4)
 
 
 @pytest.mark.parametrize(
@@ -73,9 +73,9 @@ def test_an_absent_effect_leaves_nothing_behind(
         assert not timed
     for method, stages in (("DOP853", 12), ("RK45", 7)):
         text = kernel_text(system, method)
-        assert text.count("simd_math.sin(") == stages * in_lanes.get("sin", 0)
-        assert "simd_math.cos(" not in text
-        assert ("math.cos(" in text) == bool(before_lanes)
+        assert text.count(" = call <4 x double> @lanes.sin.4(") == stages * in_lanes.get("sin", 0)
+        assert "@lanes.cos" not in text
+        assert ("call double @cos(" in text) == bool(before_lanes)
 
 
 def test_a_vanishing_effect_is_an_absent_one() -> None:

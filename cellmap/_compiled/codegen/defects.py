@@ -8,103 +8,90 @@ hide nothing.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 
-from .emit import assignment, input_name
+from . import simd_math
+from .emit import evaluate
 from .expression import Expression, in_order
-from .taylor import MODES, Series
-from .trace import CONSTANT, STATEFUL
+from .functions import TABLE
+from .instructions import Value, total
+from .taylor import Series, Structure
+from .trace import STATEFUL
 
 _WEIGHT = 0.25
 """Of the defect of a step in the estimate of its error: where series converge, that of the series remains larger."""
 
-_HIDING = frozenset({"tanh", "tan", "atan", "exp", "log", "sqrt", "sinh", "cosh", "pow", "div"})
-_PLACES = (("half", 0.5), ("full", 1.0))
+_PLACES = (0.5, 1.0)
+_INPUTS = ("state", "time")
 
 
-def hides(series: Series, expression: Expression) -> bool:
+def hides(structure: Structure, expression: Expression) -> bool:
     """Whether the series of an expression may vanish at one point and not in its neighbourhood."""
-    return expression in _with_result(series, _hides)
+    return expression in _with_result(structure, _hides)
 
 
-def is_affine(series: Series, expression: Expression) -> bool:
+def is_affine(structure: Structure, expression: Expression) -> bool:
     """Whether an expression is a sum of multiples of states and time, so that its series are as good as theirs."""
-    return expression not in _with_result(series, _bends)
+    return expression not in _with_result(structure, _bends)
 
 
-def _hides(series: Series, n: Expression) -> bool:
-    moving = series.levels[n] != CONSTANT
-    return moving and n.operation in _HIDING and (n.operation != "div" or series.levels[n.arguments[1]] != CONSTANT)
+def _hides(structure: Structure, n: Expression) -> bool:
+    if n.operation == "div":
+        return structure.moves(n.arguments[1])
+    hiding = n.operation == "pow" or (n.operation in TABLE and not TABLE[n.operation].is_entire)
+    return hiding and structure.moves(n)
 
 
-def _bends(series: Series, n: Expression) -> bool:
-    moving = [series.levels.get(a, CONSTANT) != CONSTANT for a in n.arguments]
+def _bends(structure: Structure, n: Expression) -> bool:
+    moving = [structure.moves(a) for a in n.arguments]
     multiple = (n.operation == "mul" and sum(moving) == 1) or (n.operation == "div" and not moving[1])
     return any(moving) and n.operation not in {"add", "sub", "neg"} and not multiple
 
 
 @functools.lru_cache(maxsize=8)
-def _with_result(series: Series, rule: Callable[[Series, Expression], bool]) -> frozenset[Expression]:
+def _with_result(structure: Structure, rule: Callable[[Structure, Expression], bool]) -> frozenset[Expression]:
     """Return the expressions of which a rule holds for one node at least that they need."""
     found: set[Expression] = set()
-    for node in series.nodes:
-        if not found.isdisjoint(node.arguments) or rule(series, node):
+    for node in structure.nodes:
+        if not found.isdisjoint(node.arguments) or rule(structure, node):
             found.add(node)
     return frozenset(found)
 
 
-def elsewhere(series: Series) -> Iterator[str]:
-    """Write the defects of states, ``defect{j}``, and of events, ``gap{e}``, of those that may hide something.
+def elsewhere(series: Series, events: Sequence[Sequence[Value]]) -> tuple[dict[int, Value], list[Value]]:
+    """Write the defects of states, by their numbers, of those that may hide something, and those of all events.
 
-    Events that hide nothing are as good as the last coefficients of their series.
+    Events that hide nothing are as good as the last coefficients of their series, which are given.
     """
-    rates, order = series.trace.outputs, series.order
-    chosen = [j for j, rate in enumerate(rates) if hides(series, rate)]
-    events = [e for e, event in enumerate(series.extra) if hides(series, event)]
-    wanted = [n for n in in_order([*(rates[j] for j in chosen), *(series.extra[e] for e in events)]) if n.arguments]
-    for place, at in _PLACES if wanted else ():
-        name = _names(series, place)
-        yield f"{place}_t = t0 + {at!r} * h"
-        for j in range(len(rates)):
-            yield f"{place}_s{j} = {_sum([series_name(j, k) for k in range(order + 1)], at)}"
-        yield from (assignment(n, name, STATEFUL) for n in wanted if series.levels[n] != CONSTANT)
+    structure, order, (t, h) = series.structure, series.order, series.clock
+    rates, functions = structure.trace.outputs, structure.extra
+    chosen = [j for j, rate in enumerate(rates) if hides(structure, rate)]
+    hidden = [e for e, event in enumerate(functions) if hides(structure, event)]
+    wanted = in_order([*(rates[j] for j in chosen), *(functions[e] for e in hidden)])
+    moving = [n for n in wanted if n.arguments and structure.moves(n)]
+    defects: dict[int, list[Value]] = {j: [] for j in chosen}
+    gaps: dict[int, list[Value]] = {e: [] for e in hidden}
+    for at in _PLACES if any(n.arguments for n in wanted) else ():
+        time = t + at * h
+        states = [_sum([(1.0, c) for c in series.states[j]], at) for j in range(len(rates))]
+        known = {n: series.first(n) for n in wanted if not structure.moves(n)}
+        known |= {n: time if n.operation == "time" else states[n.value] for n in wanted if n.operation in _INPUTS}
+        known = evaluate(series.out, moving, known, STATEFUL)
         for j in chosen:
-            slope = [f"{k}.0 * {series_name(j, k)}" for k in range(1, order + 1)]
-            yield f"{place}_d{j} = abs({_sum(slope, at)} - h * {name(rates[j])})"
-        for e in events:
-            terms = [f"event{e}_{k}" for k in range(order + 1)]
-            yield f"{place}_g{e} = abs({_sum(terms, at)} - {name(series.extra[e])})"
-    for j in chosen:
-        yield f"defect{j} = {_WEIGHT!r} * simd_math.fmax(half_d{j}, full_d{j})"
-    for e, event in enumerate(series.extra):
-        last, before = (f"event{e}_{k}" for k in (order, order - 1))
-        tail = "0.0" if is_affine(series, event) else f"abs({last}) + 0.5 * abs({before})"
-        seen = f"simd_math.fmax(half_g{e}, full_g{e})"
-        yield f"gap{e} = {f'simd_math.fmax({tail}, {seen})' if e in events else tail}"
+            slope = _sum([(float(k), c) for k, c in enumerate(series.states[j]) if k], at)
+            defects[j].append(abs(slope - h * known[rates[j]]))
+        for e in hidden:
+            gaps[e].append(abs(_sum([(1.0, c) for c in events[e]], at) - known[functions[e]]))
+    found = {j: _WEIGHT * simd_math.fmax(*both) for j, both in defects.items()}
+    unseen = []
+    for e, event in enumerate(functions):
+        is_exact = is_affine(structure, event)
+        tail = series.out.number(0.0) if is_exact else abs(events[e][order]) + 0.5 * abs(events[e][order - 1])
+        unseen.append(simd_math.fmax(tail, simd_math.fmax(*gaps[e])) if e in gaps else tail)
+    return found, unseen
 
 
-def series_name(j: int, k: int) -> str:
-    """Name of coefficient k of a state."""
-    return f"s{j}_{k}"
-
-
-def _names(series: Series, place: str) -> Callable[[Expression], str]:
-    """Return how nodes are called in some place of a step; constants are what they are."""
-
-    def name(node: Expression) -> str:
-        if node.operation == "time":
-            return f"{place}_t"
-        if node.operation == "state":
-            return f"{place}_s{node.value}"
-        if series.levels.get(node, CONSTANT) == CONSTANT:
-            return series.name(node, 0)
-        return input_name(node, MODES) or f"{place}{series.numbers[node]}"
-
-    return name
-
-
-def _sum(terms: list[str], at: float) -> str:
-    """Sum of a series at a fraction of the step."""
-    if at == 1.0:
-        return " + ".join(reversed(terms))
-    return " + ".join(f"{at**k!r} * {term}" for k, term in reversed(list(enumerate(terms))))
+def _sum(terms: Sequence[tuple[float, Value]], at: float) -> Value:
+    """Sum of a series, with a factor of each term, at a fraction of the step."""
+    factors = [(at**k * factor, term) for k, (factor, term) in enumerate(terms)]
+    return total(term if at == factor == 1.0 else factor * term for factor, term in reversed(factors))

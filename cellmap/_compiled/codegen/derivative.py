@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import log, pi, sqrt
 
 from .expression import Expression, Graph, UntraceableError, in_order
+from .functions import TABLE
 from .trace import Trace
 
 
@@ -78,6 +78,8 @@ def _rule(graph: Graph, node: Expression, inner: list[Expression | None]) -> Exp
         case "select":
             sides = (graph.constant(0.0) if slope is None else slope for slope in inner[1:])
             return apply("select", a, *sides)
+        case "neg":
+            return None if da is None else apply("mul", -1.0, da)
         case "side" | "floor" | "trunc" | "sign" | "floordiv":
             return None
         case "fabs":
@@ -105,33 +107,7 @@ def _rule(graph: Graph, node: Expression, inner: list[Expression | None]) -> Exp
             grown = None if inner[1] is None else apply("mul", apply("mul", node, apply("log", a)), inner[1])
             moved = times(da, apply("mul", b, apply("pow", a, apply("sub", b, 1.0))))
             return _sum(graph, [moved, grown])
-    if da is None or len(node.arguments) > 1:
+    known = TABLE.get(node.operation)
+    if da is None or known is None or known.slope is None:
         raise UntraceableError(f"no derivative of {node.operation}")
-    outer = {
-        "neg": lambda: graph.constant(-1.0),
-        "sin": lambda: apply("cos", a),
-        "cos": lambda: apply("neg", apply("sin", a)),
-        "tan": lambda: apply("add", 1.0, apply("mul", node, node)),
-        "exp": lambda: node,
-        "log": lambda: apply("div", 1.0, a),
-        "sqrt": lambda: apply("div", 0.5, node),
-        "sinh": lambda: apply("cosh", a),
-        "cosh": lambda: apply("sinh", a),
-        "tanh": lambda: apply("sub", 1.0, apply("mul", node, node)),
-        "atan": lambda: apply("div", 1.0, apply("add", 1.0, apply("mul", a, a))),
-        "exp2": lambda: apply("mul", log(2.0), node),
-        "expm1": lambda: apply("add", node, 1.0),
-        "log2": lambda: apply("div", 1.0 / log(2.0), a),
-        "log10": lambda: apply("div", 1.0 / log(10.0), a),
-        "log1p": lambda: apply("div", 1.0, apply("add", 1.0, a)),
-        "cbrt": lambda: apply("div", 1.0 / 3.0, apply("mul", node, node)),
-        "asin": lambda: apply("div", 1.0, apply("sqrt", apply("sub", 1.0, apply("mul", a, a)))),
-        "acos": lambda: apply("div", -1.0, apply("sqrt", apply("sub", 1.0, apply("mul", a, a)))),
-        "asinh": lambda: apply("div", 1.0, apply("sqrt", apply("add", apply("mul", a, a), 1.0))),
-        "acosh": lambda: apply("div", 1.0, apply("sqrt", apply("sub", apply("mul", a, a), 1.0))),
-        "atanh": lambda: apply("div", 1.0, apply("sub", 1.0, apply("mul", a, a))),
-        "erf": lambda: apply("mul", 2.0 / sqrt(pi), apply("exp", apply("neg", apply("mul", a, a)))),
-    }.get(node.operation)
-    if outer is None:
-        raise UntraceableError(f"no derivative of {node.operation}")
-    return apply("mul", outer(), da)
+    return apply("mul", known.slope(a, node), da)

@@ -10,18 +10,10 @@ from typing import Any
 import numpy as np
 
 from .expression import Comparison, Expression, operation_on_numbers
+from .functions import TABLE
 from .tables import interpolated
 
 _OF_ANY_NUMBER = {"fmin", "fmax", "hypot"}
-
-FUNCTIONS = (
-    "sin cos tan exp log sqrt sinh cosh tanh fabs floor copysign fmin fmax asin acos atan atan2 log10 log2 log1p expm1 "
-    "hypot ceil asinh acosh atanh erf trunc fmod mod sign cbrt exp2"
-).split()
-"""Elementary functions that a traced right-hand side may call, by their names in :mod:`math`."""
-
-OF_MATH = [name for name in (*FUNCTIONS, "pow") if hasattr(math, name)]
-"""Those that :mod:`math` has, which the explorer lets formulas call."""
 
 
 def elementary_functions() -> dict[str, Callable[..., Any]]:
@@ -43,7 +35,7 @@ def elementary_functions() -> dict[str, Callable[..., Any]]:
 
         return function
 
-    table = {name: make(name) for name in FUNCTIONS}
+    table = {name: make(name) for name in TABLE}
     table["pow"] = lambda base, exponent: base**exponent
 
     def where(condition: Any, a: Any, b: Any) -> Any:

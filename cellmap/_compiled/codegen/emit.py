@@ -1,70 +1,63 @@
-"""Source text of expressions."""
+"""Instructions of expressions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
-from ..kernels import simd_math
+from . import simd_math
 from .expression import Expression
+from .functions import TABLE
+from .instructions import Instructions, Value, where
 from .trace import STATEFUL
 
-_OWN = {"fmin", "fmax", "mod", "fmod", "floordiv"}  # those of the C library are others, slower, or not there
-_INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
+Known = dict[Expression, Value]
+"""Values of expressions."""
 
 
-def assignment(node: Expression, name: Callable[[Expression], str], level: int) -> str:
-    """Return the statement that computes a node; in the lane loop its functions are the vectorisable ones."""
-    arguments = [name(a) for a in node.arguments]
-    operation = node.operation
-    if operation in _INFIX:
-        right = f"{arguments[0]} {_INFIX[operation]} {arguments[1]}"
-    elif operation == "neg":
-        right = f"-{arguments[0]}"
-    elif operation == "select":
-        right = f"{arguments[1]} if {arguments[0]} > 0.0 else {arguments[2]}"
-    elif operation == "side":
-        right = f"1.0 if {arguments[0]} > 0.0 else -1.0"
-    elif operation == "pow":
-        right = f"{arguments[0]} ** {arguments[1]}"
-    else:
-        right = f"{library(operation, level)}({', '.join(arguments)})"
-    return f"{name(node)} = {right}"
+def inputs(code: Instructions, nodes: Iterable[Expression], **given: Any) -> Known:
+    """Return the values of constants, and of the inputs of the kinds that are given, each with values by numbers."""
+    known = {n: given[n.operation][n.value] for n in nodes if n.operation in given}
+    return known | {n: code.number(n.value) for n in nodes if n.operation == "constant"}
 
 
-def in_chains(terms: Iterable[str]) -> str:
-    """Write a long sum as two sums side by side: a chain of multiply-adds waits for each of its links in turn."""
-    listed = list(terms)
-    if len(listed) < 4:
-        return " + ".join(listed)
-    return f"({' + '.join(listed[::2])}) + ({' + '.join(listed[1::2])})"
+def evaluate(code: Instructions, nodes: Iterable[Expression], known: Mapping[Expression, Value], level: int) -> Known:
+    """Write the instructions of expressions, in order; return what is known with their values."""
+    found = dict(known)
+    for node in nodes:
+        if node.arguments:
+            found[node] = applied(code, node.operation, [found[a] for a in node.arguments], level)
+    return found
 
 
-def dot(pairs: Iterable[tuple[str, str]]) -> str:
-    """Write a sum of products; empty where there are none."""
-    listed = list(pairs)
-    if len(listed) < 4:
-        return " + ".join(f"{x} * {y}" for x, y in listed)
-    return f"dot({', '.join(f'{x}, {y}' for x, y in listed)})"
+def applied(code: Instructions, operation: str, arguments: Sequence[Value], level: int) -> Value:
+    """Write an operation; in the lane loop its functions are those for vectors, where there are any."""
+    match operation, arguments:
+        case "add", (a, b):
+            return code.binary("fadd", a, b)
+        case "sub", (a, b):
+            return code.binary("fsub", a, b)
+        case "mul", (a, b):
+            return code.binary("fmul", a, b)
+        case "div", (a, b):
+            return code.binary("fdiv", a, b)
+        case "neg", (a,):
+            return -a
+        case "select", (sign, a, b):
+            return where(sign > 0.0, a, b)
+        case "side", (a,):
+            return where(a > 0.0, 1.0, -1.0)
+        case "floordiv", (a, b):
+            return simd_math.floordiv(a, b)
+    return called(code, operation, arguments, level)
 
 
-def library(function: str, level: int) -> str:
-    """Return where a function comes from: vectorisable where there is one and the state is involved, else libm."""
-    if function in _OWN:
-        return f"simd_math.{function}"
-    return f"simd_math.{function}" if level == STATEFUL and hasattr(simd_math, function) else f"math.{function}"
-
-
-def literal(value: float) -> str:
-    """Return a number as source text, signed numbers in parentheses."""
-    if value != value or value in (float("inf"), float("-inf")):
-        return f"float('{value}')"
-    return repr(value) if value >= 0 else f"({value!r})"
-
-
-def input_name(node: Expression, inputs: Mapping[str, Callable[[int], str]]) -> str | None:
-    """Return the name of an input or the text of a constant; None for an operation."""
-    if node.operation == "constant":
-        return literal(node.value)
-    if node.operation in inputs:
-        return inputs[node.operation](node.value)
-    return None
+def called(code: Instructions, name: str, arguments: Sequence[Value], level: int) -> Value:
+    """Write the call of an elementary function, or a power."""
+    known = TABLE.get(name)
+    if known is not None and isinstance(known.kernel, str):
+        return code.intrinsic(known.kernel, *arguments)
+    if known is not None and callable(known.kernel) and (known.shared or level == STATEFUL):
+        written: Value = known.kernel(*arguments)
+        return written
+    return code.libm(name, *arguments)

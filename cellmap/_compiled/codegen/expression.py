@@ -7,28 +7,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
-ANALYTIC = frozenset(
-    {
-        "add",
-        "sub",
-        "mul",
-        "div",
-        "neg",
-        "sin",
-        "cos",
-        "exp",
-        "log",
-        "sqrt",
-        "pow",
-        "tan",
-        "sinh",
-        "cosh",
-        "tanh",
-        "atan",
-        "select",
-    }
-)
-"""Operations with a power series wherever they are defined."""
+from .functions import TABLE
+
+_ARITHMETIC = frozenset({"add", "sub", "mul", "div", "neg", "pow", "select"})
 
 JUMPING = frozenset({"side", "floor", "fabs", "trunc", "copysign", "mod", "fmod", "floordiv"})
 """Operations with kinks or jumps that are no selections."""
@@ -350,13 +331,18 @@ def ordered(outputs: tuple[Expression, ...]) -> tuple[Expression, ...]:
     return tuple(in_order(outputs))
 
 
+def has_series(operation: str) -> bool:
+    """Tell whether an operation has a power series wherever it is defined."""
+    return operation in _ARITHMETIC or (operation in TABLE and TABLE[operation].domain is not None)
+
+
 def is_analytic(outputs: Sequence[Expression]) -> bool:
     """Tell whether every operation on state or time has a power series."""
     moving: set[Expression] = set()
     for node in in_order(outputs):
         if node.operation in {"state", "time"} or not moving.isdisjoint(node.arguments):
             moving.add(node)
-            if node.arguments and node.operation not in ANALYTIC:
+            if node.arguments and not has_series(node.operation):
                 return False
             if node.operation == "pow" and node.arguments[1] in moving:
                 return False

@@ -3,30 +3,123 @@
 A value is a number, which all lanes share, a vector with a number for each of `width` lanes, or the result of a
 comparison of either.  An operation on a number and a vector broadcasts the number.  Multiplications and additions carry
 the flag ``contract``, which allows fused multiply-adds and nothing else: tests for NaN keep their meaning.
+
+Operators of Python between values, or between values and numbers, write the instructions for them.
 """
 
 from __future__ import annotations
 
+import functools
+import operator
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True)
+def _operator(instruction: str, swapped: bool = False) -> Callable[[Any, Any], Any]:
+    """Return the method of a value that writes an operation with another one, or with a number."""
+
+    def write(self: Value, other: Value | float) -> Value:
+        right = value_of(other)
+        code = self.code or right.code
+        assert code is not None, "one of two values comes from a function"
+        apply = code.compare if instruction.startswith("o") else code.binary
+        return apply(instruction, right, self) if swapped else apply(instruction, self, right)
+
+    return write
+
+
+@dataclass(slots=True, eq=False)
 class Value:
-    """A name or a literal, and what it stands for: "double", "i1", or a vector of either."""
+    """A name or a literal, and what it stands for: "double", "i1", or a vector of either.
+
+    ``code`` is the function that it belongs to; a literal belongs to any.
+    """
 
     text: str
     vector: bool = False
     flag: bool = False
     literal: float | None = None
+    code: Instructions | None = field(default=None, repr=False)
+
+    __add__, __radd__ = _operator("fadd"), _operator("fadd", swapped=True)
+    __sub__, __rsub__ = _operator("fsub"), _operator("fsub", swapped=True)
+    __mul__, __rmul__ = _operator("fmul"), _operator("fmul", swapped=True)
+    __truediv__, __rtruediv__ = _operator("fdiv"), _operator("fdiv", swapped=True)
+    __lt__, __le__, __gt__, __ge__ = (_operator(relation) for relation in ("olt", "ole", "ogt", "oge"))
+
+    def __neg__(self) -> Value:
+        return number(-self.literal) if self.literal is not None else self.function.negative(self)
+
+    def __abs__(self) -> Value:
+        return self.function.intrinsic("fabs", self)
+
+    def __and__(self, other: Value) -> Value:
+        return self.function.logical("and", self, other)
+
+    def __or__(self, other: Value) -> Value:
+        return self.function.logical("or", self, other)
+
+    def equals(self, other: Value | float) -> Value:
+        """Compare; false for NaN."""
+        return self.function.compare("oeq", self, value_of(other))
+
+    def differs(self, other: Value | float) -> Value:
+        """Compare; true for NaN."""
+        return self.function.compare("une", self, value_of(other))
+
+    @property
+    def function(self) -> Instructions:
+        """The function that it belongs to."""
+        assert self.code is not None, "a literal belongs to no function"
+        return self.code
 
 
 def number(value: float) -> Value:
     """Return a literal; its bits are written out, so that it is the same number on the other side."""
     bits = struct.unpack("<Q", struct.pack("<d", value))[0]
     return Value(f"0x{bits:016X}", literal=float(value))
+
+
+def value_of(given: Value | float) -> Value:
+    """Return a value as it is, and a number as a literal."""
+    return given if isinstance(given, Value) else number(given)
+
+
+def where(condition: Value, a: Value | float, b: Value | float) -> Value:
+    """Return a where a condition holds, else b."""
+    return condition.function.select(condition, value_of(a), value_of(b))
+
+
+def total(terms: Iterable[Value]) -> Value:
+    """Return a sum, from the first term to the last."""
+    return functools.reduce(operator.add, terms)
+
+
+def in_chains(items: Sequence[T], term: Callable[[T], Value]) -> Value | None:
+    """Return the sum of the terms of items: a long one as two chains, each link of which waits for the one before."""
+    parts = [items] if len(items) < 4 else [items[::2], items[1::2]]
+    sums = [total(map(term, part)) for part in parts if part]
+    return total(sums) if sums else None
+
+
+def dot(pairs: Iterable[tuple[Value | float, Value]]) -> Value | None:
+    """Return a sum of products; None where there are none.  A long one is made of two chains side by side."""
+    listed = list(pairs)
+    if len(listed) < 4:
+        return total(x * y for x, y in listed) if listed else None
+    chains: list[Value] = []
+    for k, (x, y) in enumerate(listed):
+        product = x * y
+        if k < 2:
+            chains.append(product)
+        else:
+            chains[k % 2] = chains[k % 2] + product
+    return chains[0] + chains[1]
 
 
 @dataclass
@@ -69,9 +162,17 @@ class Instructions:
 
     def _append(self, lines: list[str], instruction: str, vector: bool, flag: bool) -> Value:
         self._count += 1
-        value = Value(f"%v{self._count}", vector, flag)
+        value = Value(f"%v{self._count}", vector, flag, None, self)
         lines.append(f"  {value.text} = {instruction}")
         return value
+
+    def argument(self, name: str) -> Value:
+        """Return a number that the function is called with."""
+        return Value(name, code=self)
+
+    def number(self, value: float) -> Value:
+        """Return a literal of this function."""
+        return Value(number(value).text, literal=float(value), code=self)
 
     # Arithmetic.
 
@@ -81,7 +182,7 @@ class Instructions:
             return value
         scalar, vector = self.type(False, value.flag), self.type(True, value.flag)
         if value.literal is not None:
-            return Value(f"<{', '.join([f'{scalar} {value.text}'] * self.width)}>", True, value.flag)
+            return Value(f"<{', '.join([f'{scalar} {value.text}'] * self.width)}>", True, value.flag, None, self)
         known = self._broadcast.get(value.text)
         if known is None:
             first = self.result(f"insertelement {vector} poison, {scalar} {value.text}, i32 0")
@@ -100,19 +201,7 @@ class Instructions:
 
     def negative(self, a: Value) -> Value:
         """Return a number with the other sign."""
-        if a.literal is not None:
-            return number(-a.literal)
         return self._operation(f"fneg {self.type_of(a)} {a.text}", a.vector)
-
-    def dot(self, factors: list[Value]) -> Value:
-        """Sum products of pairs in two chains of multiply-adds: a link of a chain waits for the one before."""
-        chains: list[Value | None] = [None, None]
-        for k in range(0, len(factors), 2):
-            product, chain = self.binary("fmul", factors[k], factors[k + 1]), chains[k // 2 % 2]
-            chains[k // 2 % 2] = product if chain is None else self.binary("fadd", chain, product)
-        first, second = chains
-        assert first is not None, "a sum has terms"
-        return first if second is None else self.binary("fadd", first, second)
 
     def compare(self, relation: str, a: Value, b: Value) -> Value:
         """Compare by olt, ole, ogt, oge, oeq (false for NaN) or une (true for NaN)."""

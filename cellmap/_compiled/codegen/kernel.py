@@ -1,6 +1,6 @@
 """From plain functions to compiled lanes.
 
-Every kernel made here has the signature that :mod:`cellmap._compiled.codegen.lanes` describes.  Kernels depend on the
+Every kernel made here has the signature that :mod:`cellmap._compiled.codegen.period` describes.  Kernels depend on the
 text of what they compute and not on parameter values: sweeping a parameter compiles nothing.
 """
 
@@ -12,26 +12,22 @@ from dataclasses import dataclass, replace
 from math import log10
 from typing import Any
 
-from ..for_numba import OF_USERS, ForNumba, numba, whole
-from ..forking import COMPILING
-from ..kernels import periods, simd_math
+from ..kernels import periods
 from ..machine_code import MachineCode
 from .captured import kept
 from .derivative import tangent_trace
-from .emit import assignment
-from .expression import UntraceableError, in_order
+from .emit import evaluate, inputs
+from .expression import UntraceableError
 from .filippov import SwitchingTrace, switching_trace
+from .instructions import Instructions, Value
 from .jets import jet_trace
-from .lanes import StepCode, lane_module
 from .methods import Method, choose_method, taylor_method, taylor_order
-from .module import module_in_memory
 from .own_steps import compiled_own_steps
-from .period import CompiledPeriod, compiled_period, compiled_rows
-from .rebind import rebind
-from .rosenbrock import OwnStepCode
-from .runge_kutta import called_steps, stage_namer
+from .period import CompiledPeriod, PerLane, PerStep, Step, Values, compiled_period, compiled_rows
+from .runge_kutta import called_steps
 from .switching import compiled_switching
-from .trace import Trace, is_faithful, parameter_record, trace
+from .trace import CONSTANT, STATEFUL, TIMED, Trace, is_faithful, parameter_record, trace
+from .untraced import Prepared, compiled_untraced, single_call
 
 Names = tuple[str, ...]
 Functions = tuple[Callable[..., Any] | None, ...]
@@ -99,8 +95,10 @@ def flow_kernel(
     traced = traced_function(rhs, dimension, names) if symbolic else None
     chosen = choose_method(method, traced, rtol)
     if traced is None:
-        return finished(_called(rhs, called_steps(dimension, len(names), _tableau(chosen)), dimension, names), chosen)
-    return finished(_compiled(chosen.write(traced), dimension, names), chosen)
+        tableau = chosen.tableau
+        assert tableau is not None, "only traced right-hand sides have series"
+        return finished(_called(rhs, lambda prepared: called_steps(prepared, tableau), dimension, names), chosen)
+    return finished(compiled_steps(chosen, traced, len(names)), chosen)
 
 
 @kept
@@ -114,7 +112,7 @@ def tangent_flow_kernel(
     try:
         tangent = tangent_trace(traced)
         chosen = choose_method(method, tangent, rtol)
-        return finished(_compiled(chosen.write(tangent), 2 * dimension, names), chosen)
+        return finished(compiled_steps(chosen, tangent, len(names)), chosen)
     except UntraceableError:
         return None
 
@@ -130,7 +128,7 @@ def jet_flow_kernel(
     try:
         jet = jet_trace(traced, order)
         chosen = choose_method(method, jet, rtol)
-        return finished(_compiled(chosen.write(jet), len(jet.states), names), chosen)
+        return finished(compiled_steps(chosen, jet, len(names)), chosen)
     except UntraceableError:
         return None
 
@@ -175,19 +173,12 @@ def discrete_kernel(
     """Compile one application of a discrete map ``f(t, x, p)``, or of its tangent map; None without derivatives."""
     traced = traced_function(function, dimension, names) if symbolic else None
     if traced is None:
-        if tangent:
-            return None
-        record = f"Parameters({''.join(f'p{i}, ' for i in range(len(names)))})" if names else "()"
-        state = "(" + "".join(f"x{j}, " for j in range(dimension)) + ")"
-        targets = "".join(f"y{j}, " for j in range(dimension))
-        zeros = tuple(f"e{j} = 0.0" for j in range(dimension))
-        code = StepCode((f"record = {record}",), (), (f"{targets}= defined(t, {state}, record)", *zeros))
-        return _called(function, code, dimension, names)
+        return None if tangent else _called(function, single_call, dimension, names)
     try:
         traced = tangent_trace(traced) if tangent else traced
     except UntraceableError:
         return None
-    return _compiled(_application(traced), len(traced.outputs), names)
+    return compiled_period(application(traced), len(traced.outputs), len(names))
 
 
 @kept
@@ -202,7 +193,7 @@ def discrete_jet_kernel(
         jet = jet_trace(traced, order)
     except UntraceableError:
         return None
-    return _compiled(_application(jet), len(jet.outputs), names)
+    return compiled_period(application(jet), len(jet.outputs), len(names))
 
 
 @kept
@@ -215,29 +206,40 @@ def tangent_step(function: Callable[..., Any], dimension: int, names: Names) -> 
     if traced is None:
         return None
     try:
-        code = _application(tangent_trace(traced))
+        step = application(tangent_trace(traced))
     except UntraceableError:
         return None
-    return compiled_rows(code, 2 * dimension, len(names))
+    return compiled_rows(step, 2 * dimension, len(names))
 
 
-def _application(traced: Trace) -> StepCode:
-    """Write one application of a traced map."""
+def application(traced: Trace) -> Step:
+    """Return the step that is one application of a traced map, whose errors are zero."""
     levels = traced.levels()
-    name = stage_namer(levels, "", "", state="x")
-    lines: tuple[list[str], ...] = ([], [], [])
-    for node in in_order(traced.outputs):
-        if node.arguments:
-            lines[levels[node]].append(assignment(node, name, levels[node]))
-    results = [f"y{j} = {name(e)}" for j, e in enumerate(traced.outputs)]
-    zeros = [f"e{j} = 0.0" for j in range(len(traced.outputs))]
-    return StepCode(tuple(lines[0]), tuple(lines[1]), (*lines[2], *results, *zeros))
+    of_level = [[n for n in levels if levels[n] == level] for level in (CONSTANT, TIMED, STATEFUL)]
+
+    def step(out: Instructions, p: Values) -> PerStep:
+        once = evaluate(out, of_level[CONSTANT], inputs(out, levels, parameter=p), CONSTANT)
+
+        def per_step(t: Value, h: Value) -> PerLane:
+            timed = evaluate(out, of_level[TIMED], {**once, traced.time: t}, TIMED)
+
+            def per_lane(x: Values) -> tuple[Values, Values]:
+                known = timed | dict(zip(traced.states, x, strict=True))
+                known = evaluate(out, of_level[STATEFUL], known, STATEFUL)
+                return [known[e] for e in traced.outputs], [out.number(0.0)] * len(x)
+
+            return per_lane
+
+        return per_step
+
+    return step
 
 
-def _compiled(code: StepCode | OwnStepCode, dimension: int, names: Names) -> CompiledPeriod:
-    if isinstance(code, OwnStepCode):
-        return compiled_own_steps(code, dimension, len(names))
-    return compiled_period(code, dimension, len(names))
+def compiled_steps(method: Method, traced: Trace, parameters: int) -> CompiledPeriod:
+    """Compile the period of a traced right-hand side by a method."""
+    step: Any = method.write(traced)
+    frame = compiled_own_steps if method.own_steps else compiled_period
+    return frame(step, len(traced.states), parameters)
 
 
 def finished(advance: CompiledPeriod, method: Method, trial: int = 1) -> PeriodKernel:
@@ -248,31 +250,16 @@ def finished(advance: CompiledPeriod, method: Method, trial: int = 1) -> PeriodK
     return PeriodKernel(advance, method.name, method.estimate_order, stages, method.margin, trial, method.own_steps)
 
 
-def _tableau(method: Method) -> Any:
-    assert method.tableau is not None, "only traced right-hand sides have series"
-    return method.tableau
-
-
-def _called(function: Callable[..., Any], code: StepCode, dimension: int, names: Names) -> CompiledPeriod:
-    """Compile lanes that call an untraceable function, with vectorisable functions in the place of those of math."""
-    text = lane_module(code, dimension, len(names))
-    table = {name: f for name, f in vars(simd_math).items() if isinstance(f, ForNumba)}
-    table |= simd_math.WITHOUT_CALLS | {"int": ForNumba(whole)}
+def _called(
+    function: Callable[..., Any], write: Callable[[Prepared], Step], dimension: int, names: Names
+) -> CompiledPeriod:
+    """Compile steps that call an untraceable function."""
     try:
-        with COMPILING:
-            scope = {"rhs": rebind(function, table, numba().njit(**OF_USERS)), "Parameters": parameter_record(names)}
-            advance = module_in_memory(text, f"cellmap_{function!r}", **scope).advance
-    except Exception as error:
+        return compiled_untraced(function, write, dimension, names)
+    except TypeError as error:
         found = _traced(function, dimension, names)
         raise TypeError(
             f"{function!r} cannot be compiled: write it with plain arithmetic, functions of math, tuples, and branches "
             f"on numbers. {f'Its formulas are not known: {found}. ' if isinstance(found, str) else ''}"
-            f"The compiler says: {_first_sentence(error)}"
+            f"The compiler says: {error}"
         ) from error
-    return CompiledPeriod(advance.address, advance)
-
-
-def _first_sentence(error: Exception) -> str:
-    """Return the line of a compiler's message that says what is wrong, without the frames in which it was found."""
-    lines = [line.strip() for line in str(error).splitlines()]
-    return next((line for line in lines if line and not line.startswith("Failed in")), type(error).__name__)

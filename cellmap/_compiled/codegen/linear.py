@@ -22,9 +22,8 @@ from .derivative import along
 from .elementary import elementary_functions
 from .evaluation import evaluated
 from .expression import Expression, Graph, UntraceableError, ordered
-from .kernel import PeriodKernel, finished, traced_function
+from .kernel import PeriodKernel, compiled_steps, finished, traced_function
 from .methods import choose_method, taylor_order
-from .period import compiled_period
 from .rebind import rebind
 from .taylor import taylor_steps
 from .trace import Trace, parameter_record
@@ -88,8 +87,9 @@ def linear_kernel(
     zeros = (graph.constant(0.0),) * len(swept)
     motion = replace(traced, states=(*states, *resting), outputs=(*scaled[: d + 1], *zeros))
     method = choose_method("auto", motion, rtol)
-    code = taylor_steps(motion, taylor_order(rtol)) if method.name == "Taylor" else method.write(motion)
-    advance = compiled_period(code, len(motion.states), len(names) + 1)
+    if method.name == "Taylor":
+        method = replace(method, write=lambda trace: taylor_steps(trace, taylor_order(rtol)))
+    advance = compiled_steps(method, motion, len(names) + 1)
     return LinearKernel(finished(advance, method), motion, tuple(scaled[d + 1 :]))
 
 

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import operator
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -33,10 +34,10 @@ from numpy.typing import NDArray
 
 from ..._lib.arrays import Floats, Ints
 from ..machine_code import MachineCode, machine_code, vector_width
-from .instructions import Instructions, Value, module_text, number
+from . import simd_math
+from .instructions import Instructions, Value, module_text, number, total, where
 from .spline_basis import basis_polynomials
 from .spline_sum import spline_sum
-from .statements import Scope, translate
 
 BLOCK = 64
 
@@ -83,7 +84,8 @@ def lookup_text(dimension: int, order: int, width: int) -> str:
     """Return the text of a module with the function ``look_up`` described above."""
     out = Instructions(width)
     block = _Block.reserved(out, dimension)
-    table = _Table.loaded(out, dimension)
+    strides = [out.load_whole(out.address("%strides", a)) for a in range(dimension + 1)]
+    axes = _loaded_axes(out, strides)
     made = out.array(1, "i64")
     out.store_whole(0, made)
     weights = [out.array(order + 1) for _ in range(dimension - 2)]
@@ -91,9 +93,9 @@ def lookup_text(dimension: int, order: int, width: int) -> str:
         _fill(out, block, begin)
         out.jump("sweep")
         out.label("sweep")
-        _write_places(out, block, table.scope)
-        _write_rows(out, block, table, weights, order, made)
-        _write_turns(out, block, table.scope)
+        _write_places(out, block, axes)
+        _write_rows(out, block, strides, weights, order, made)
+        _write_turns(out, block, axes)
         _write_back_all(out, block)
         out.branch("sgt", out.load_whole(block.count), 0, "again", "through")
         out.jump("sweep")
@@ -134,33 +136,39 @@ class _Block:
 
 
 @dataclass(frozen=True)
-class _Table:
-    """Numbers of the table and of the angles; `scope` has them for statements."""
+class _Axis:
+    """Numbers of the table, and of the angle, along one axis; reciprocals of periods are 0 on the line."""
 
-    scope: Scope
-    strides: tuple[str, ...]
-
-    @classmethod
-    def loaded(cls, out: Instructions, dimension: int) -> _Table:
-        strides = tuple(out.load_whole(out.address("%strides", a)) for a in range(dimension + 1))
-        scope: Scope = {}
-        for a in range(dimension):
-            for name in ("origin", "inverse", "circle", "lower", "turn"):
-                scope[f"{name}{a}"] = out.load(out.address(f"%{name}", a))
-            cells = out.load_whole(out.address("%cells", a))
-            scope[f"cells{a}"] = out.result(f"sitofp i64 {cells} to double")
-            scope[f"stride{a}"] = out.result(f"sitofp i64 {strides[a]} to double")
-        translate(out, _constants(dimension), scope)
-        return cls(scope, strides)
+    origin: Value
+    inverse: Value
+    circle: Value
+    lower: Value
+    turn: Value
+    cells: Value
+    stride: Value
+    around: Value
+    cut: Value
+    inverse_turn: Value
+    last: Value
 
 
-def _constants(dimension: int) -> Iterator[str]:
-    """Yield statements for reciprocals of periods, which are 0 for variables on the line."""
-    for a in range(dimension):
-        yield f"around{a} = 1.0 / circle{a} if circle{a} > 0.0 else 0.0"
-        yield f"cut{a} = lower{a} if turn{a} > 0.0 else 0.0"
-        yield f"inverse_turn{a} = 1.0 / turn{a} if turn{a} > 0.0 else 0.0"
-        yield f"last{a} = cells{a} - 1.0"
+def _loaded_axes(out: Instructions, strides: Sequence[str]) -> list[_Axis]:
+    loaded = []
+    for a in range(len(strides) - 1):
+        names = ("origin", "inverse", "circle", "lower", "turn")
+        given = [out.load(out.address(f"%{name}", a)) for name in names]
+        cells = out.result(f"sitofp i64 {out.load_whole(out.address('%cells', a))} to double")
+        loaded.append((*given, cells, out.result(f"sitofp i64 {strides[a]} to double")))
+    axes = []
+    for *given, lower, turn, cells, stride in loaded:
+        origin, inverse, circle = given
+        on_circle = circle > 0.0
+        around = where(on_circle, 1.0 / circle, 0.0)
+        cut = where(turn > 0.0, lower, 0.0)
+        turns = turn > 0.0
+        inverse_turn = where(turns, 1.0 / turn, 0.0)
+        axes.append(_Axis(origin, inverse, circle, lower, turn, cells, stride, around, cut, inverse_turn, cells - 1.0))
+    return axes
 
 
 def _fill(out: Instructions, block: _Block, begin: str) -> None:
@@ -181,36 +189,44 @@ def _fill(out: Instructions, block: _Block, begin: str) -> None:
             out.store(number(0.0), out.address(block.w[a], m))
 
 
-def _write_places(out: Instructions, block: _Block, constants: Scope) -> None:
+def _write_places(out: Instructions, block: _Block, axes: Sequence[_Axis]) -> None:
     """Find cell and place in it of every lane; the first cell where the lane is outside of the table."""
-    axes = range(block.dimension)
-    lines = []
-    for a in axes:
-        lines += [
-            f"u{a} = (x{a} - origin{a}) * inverse{a}",
-            f"u{a} = u{a} - circle{a} * math.floor(u{a} * around{a})",
-            f"u{a} = u{a} if (circle{a} <= 0.0) | ((0.0 <= u{a}) & (u{a} < circle{a})) else 0.0",
-        ]
-    within = " & ".join(f"(0.0 <= u{a}) & (u{a} <= cells{a})" for a in axes)
-    lines.append(f"inside = 1.0 if {within} else 0.0")
-    for a in axes:
-        lines += [
-            f"u{a} = u{a} if inside > 0.0 else 0.0",
-            f"n{a} = min(math.floor(u{a}), last{a})",
-            f"f{a} = u{a} - n{a}",
-        ]
-    lines.append("first = " + " + ".join(f"n{a} * stride{a}" for a in axes))
-    lines.append("cell = " + functools.reduce(lambda flat, a: f"({flat}) * cells{a} + n{a}", axes[1:], "n0"))
     with out.loop_over_lanes(BLOCK, "placed") as m:
-        scope = {**constants, **{f"x{a}": out.load(out.address(block.x[a], m), vector=True) for a in axes}}
-        translate(out, lines, scope)
-        for a in axes:
-            out.store(scope[f"f{a}"], out.address(block.f[a], m))
-        for name, base in (("first", block.first), ("cell", block.cell), ("inside", block.inside)):
-            out.store(scope[name], out.address(base, m))
+        states = [out.load(out.address(x, m), vector=True) for x in block.x]
+        places = []
+        for x, axis in zip(states, axes, strict=True):
+            u = (x - axis.origin) * axis.inverse
+            u = u - axis.circle * simd_math.floor(u * axis.around)
+            on_line = axis.circle <= 0.0
+            places.append(where(on_line | ((number(0.0) <= u) & (u < axis.circle)), u, 0.0))
+        inside = where(functools.reduce(operator.and_, _limits(places, axes)), 1.0, 0.0)
+        numbers, fractions = [], []
+        for place, axis in zip(places, axes, strict=True):
+            is_inside = inside > 0.0
+            u = where(is_inside, place, 0.0)
+            below = simd_math.floor(u)
+            numbers.append(where(axis.last < below, axis.last, below))
+            fractions.append(u - numbers[-1])
+        first = total(n * axis.stride for n, axis in zip(numbers, axes, strict=True))
+        cell = numbers[0]
+        for n, axis in zip(numbers[1:], axes[1:], strict=True):
+            cell = cell * axis.cells + n
+        for f, base in zip(fractions, block.f, strict=True):
+            out.store(f, out.address(base, m))
+        for value, base in ((first, block.first), (cell, block.cell), (inside, block.inside)):
+            out.store(value, out.address(base, m))
 
 
-def _write_rows(out: Instructions, block: _Block, table: _Table, weights: list[str], order: int, made: str) -> None:
+def _limits(places: Sequence[Value], axes: Sequence[_Axis]) -> Iterator[Value]:
+    """Write the comparisons that hold inside of the table."""
+    for u, axis in zip(places, axes, strict=True):
+        yield number(0.0) <= u
+        yield u <= axis.cells
+
+
+def _write_rows(
+    out: Instructions, block: _Block, strides: Sequence[str], weights: list[str], order: int, made: str
+) -> None:
     """Move each row on by the table that serves it.
 
     A row that cannot go on is written back, and the last one takes its lane.
@@ -234,8 +250,8 @@ def _write_rows(out: Instructions, block: _Block, table: _Table, weights: list[s
     out.store_whole(out.whole("add", out.load_whole(made), 1), made)
     out.store_whole(out.whole("sub", rest, out.whole("shl", 1, table_number)), out.address(block.rest, m))
     first = out.result(f"fptosi double {out.load(out.address(block.first, m)).text} to i64").text
-    offset = out.whole("add", first, out.whole("mul", table_number, table.strides[-1]))
-    _write_sum(out, block, table, weights, order, offset, m)
+    offset = out.whole("add", first, out.whole("mul", table_number, strides[-1]))
+    _write_sum(out, block, strides, weights, order, offset, m)
     out.store_whole(out.whole("add", m, 1), block.row)
     out.jump("rows")
     out.label("rows.done")
@@ -259,7 +275,7 @@ def _level(out: Instructions, block: _Block, m: str, rest: str) -> str:
 
 
 def _write_sum(
-    out: Instructions, block: _Block, table: _Table, weights: list[str], order: int, offset: str, m: str
+    out: Instructions, block: _Block, strides: Sequence[str], weights: list[str], order: int, offset: str, m: str
 ) -> None:
     """Add the displacement to the state of a row.
 
@@ -275,7 +291,7 @@ def _write_sum(
             out.store(total, out.address(base, k))
 
     def add(factor: Value | None, start: str) -> None:
-        stride = table.strides[outer] if d > 1 else "0"
+        stride = strides[outer] if d > 1 else "0"
         moved = spline_sum(out, "%table", start, stride, places[outer:], order, d)
         for a in range(d):
             term = moved[a] if factor is None else out.binary("fmul", factor, moved[a])
@@ -289,29 +305,26 @@ def _write_sum(
         with out.loop(f"axis{a}", order + 1) as k:
             weight = out.load(out.address(weights[a], k))
             product = weight if factor is None else out.binary("fmul", factor, weight)
-            over_axes(a + 1, product, out.whole("add", start, out.whole("mul", k, table.strides[a])))
+            over_axes(a + 1, product, out.whole("add", start, out.whole("mul", k, strides[a])))
 
     over_axes(0, None, offset)
 
 
-def _write_turns(out: Instructions, block: _Block, constants: Scope) -> None:
+def _write_turns(out: Instructions, block: _Block, axes: Sequence[_Axis]) -> None:
     """Bring the angles of every lane back into their period and count."""
-    axes = range(block.dimension)
-    lines = []
-    for a in axes:
-        lines += [
-            f"whole{a} = math.floor((x{a} - cut{a}) * inverse_turn{a})",
-            f"y{a} = x{a} - whole{a} * turn{a}",
-            f"y{a} = lower{a} if y{a} < lower{a} else y{a}",
-            f"w{a} = w{a} + whole{a}",
-        ]
     with out.loop_over_lanes(BLOCK, "wrapped") as m:
-        loaded = {f"{name}{a}": base[a] for name, base in (("x", block.x), ("w", block.w)) for a in axes}
-        scope = {**constants, **{name: out.load(out.address(b, m), vector=True) for name, b in loaded.items()}}
-        translate(out, lines, scope)
-        for a in axes:
-            out.store(scope[f"y{a}"], out.address(block.x[a], m))
-            out.store(scope[f"w{a}"], out.address(block.w[a], m))
+        states, rotations = (
+            [out.load(out.address(base, m), vector=True) for base in bases] for bases in (block.x, block.w)
+        )
+        wrapped = []
+        for x, w, axis in zip(states, rotations, axes, strict=True):
+            whole = simd_math.floor((x - axis.cut) * axis.inverse_turn)
+            y = x - whole * axis.turn
+            below = y < axis.lower
+            wrapped.append((where(below, axis.lower, y), w + whole))
+        for (y, w), x_base, w_base in zip(wrapped, block.x, block.w, strict=True):
+            out.store(y, out.address(x_base, m))
+            out.store(w, out.address(w_base, m))
 
 
 def _write_back_all(out: Instructions, block: _Block) -> None:

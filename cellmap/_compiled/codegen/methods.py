@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from math import log10
 
 from .expression import Expression, in_order
-from .lanes import StepCode
-from .rosenbrock import OwnStepCode, rosenbrock_steps
+from .functions import TABLE
+from .period import Step
+from .rosenbrock import OwnStep, rosenbrock_steps
 from .runge_kutta import Tableau, traced_steps
 from .tableaus import dop853, rk45
 from .taylor import taylor_steps
@@ -25,7 +26,7 @@ class Method:
     """
 
     name: str
-    write: Callable[[Trace], StepCode | OwnStepCode]
+    write: Callable[[Trace], Step | OwnStep]
     estimate_order: int
     tableau: Tableau | None = None
     stretch: tuple[float, float] = (1.0, 0.0)
@@ -114,10 +115,11 @@ def _is_entire(trace: Trace) -> bool:
     coefficients vanish and a step may pass over what lies ahead; a Runge-Kutta step looks at a dozen places.
     """
     levels = trace.levels()
-    plain = {"add", "sub", "mul", "neg", "sin", "cos", "state", "time"}
+    plain = {"add", "sub", "mul", "neg", "state", "time"}
     return all(
         level == CONSTANT
         or node.operation in plain
+        or (node.operation in TABLE and TABLE[node.operation].is_entire)
         or (node.operation == "div" and levels[node.arguments[1]] == CONSTANT)
         for node, level in levels.items()
     )
@@ -130,8 +132,8 @@ def _series_work(trace: Trace) -> int:
     for node in in_order(trace.outputs):
         if levels[node] == STATEFUL and node.arguments:
             varying = sum(levels[a] > 0 for a in node.arguments)
-            if node.operation in {"sin", "cos", "sinh", "cosh", "tan", "tanh", "atan"}:
-                work += 2
-            elif (node.operation in {"mul", "div"} and varying == 2) or node.operation in {"exp", "log", "sqrt", "pow"}:
+            if node.operation in TABLE:
+                work += TABLE[node.operation].products
+            elif (node.operation in {"mul", "div"} and varying == 2) or node.operation == "pow":
                 work += 1
     return work

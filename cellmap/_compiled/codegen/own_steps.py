@@ -12,13 +12,23 @@ do not damp it; the sum of that is what ``error`` receives.  It is infinite for 
 from __future__ import annotations
 
 import functools
+import operator
+from collections.abc import Iterator
 
 from ..kernels.blocks import LANES
-from ..machine_code import machine_code, vector_width
-from .instructions import Instructions, Value, module_text, number
-from .period import ARGUMENTS, CompiledPeriod, blocks_of_orbits, lanes_in_use, parameter_scope
-from .rosenbrock import OwnStepCode
-from .statements import Scope, translate
+from ..machine_code import vector_width
+from . import simd_math
+from .instructions import Instructions, Value, module_text, number, total, where
+from .period import (
+    ARGUMENTS,
+    CompiledPeriod,
+    Values,
+    blocks_of_orbits,
+    compiled_advance,
+    lanes_in_use,
+    loaded_parameters,
+)
+from .rosenbrock import OwnStep
 
 NUMBERS = 3
 """Numbers of the context before those of the components."""
@@ -28,102 +38,108 @@ _HIGHER = 10.0
 _SHORTEST = 1e-15  # of the period
 
 
-@functools.lru_cache(maxsize=256)
-def compiled_own_steps(code: OwnStepCode, dimension: int, parameters: int) -> CompiledPeriod:
+def compiled_own_steps(step: OwnStep, dimension: int, parameters: int) -> CompiledPeriod:
     """Compile the function."""
-    loaded = machine_code(own_steps_text(code, dimension, parameters, vector_width()))
-    return CompiledPeriod(loaded.address("advance"), loaded)
+    return compiled_advance(own_steps_text(step, dimension, parameters, vector_width()))
 
 
-def own_steps_text(code: OwnStepCode, dimension: int, parameters: int, width: int) -> str:
+def own_steps_text(step: OwnStep, dimension: int, parameters: int, width: int) -> str:
     """Return the text of a module with the function, for vectors of some width."""
     out, components = Instructions(width), range(dimension)
     times, lengths = out.array(LANES), out.array(LANES)
-    once = parameter_scope(out, parameters)
-    once |= {name: out.load(out.address("%context", i)) for i, name in enumerate(("rtol", "limit", "longest"))}
-    once |= {f"largest{j}": out.load(out.address("%context", NUMBERS + j)) for j in components}
-    once |= {f"atol{j}": out.load(out.address("%context", NUMBERS + dimension + j)) for j in components}
-    once |= {"period": Value("%period"), "end": out.binary("fadd", Value("%start"), Value("%period"))}
-    translate(out, [f"first = period * {_FIRST!r}", f"least = period * {_SHORTEST!r}", *code.once], once)
-    limit = out.result(f"fptosi double {once['limit'].text} to i64").text
+    p = loaded_parameters(out, parameters)
+    numbers = [out.load(out.address("%context", i)) for i in range(NUMBERS + 2 * dimension)]
+    (rtol, limit, longest), period = numbers[:NUMBERS], out.argument("%period")
+    end = out.argument("%start") + period
+    largest, atol = numbers[NUMBERS : NUMBERS + dimension], numbers[NUMBERS + dimension :]
+    first, least = period * _FIRST, period * _SHORTEST
+    per_lane = step(out, p)
+    most = out.result(f"fptosi double {limit.text} to i64").text
     with out.loop("block", blocks_of_orbits(out)) as block:
         used = lanes_in_use(out, block)
         fraction = out.result(f"sitofp i64 {out.load_whole(out.address('%steps', block))} to double")
-        first = out.whole("mul", block, dimension * LANES)
-        x, error = out.address("%x", first), out.address("%error", first)
+        place_of_block = out.whole("mul", block, dimension * LANES)
+        x, error = out.address("%x", place_of_block), out.address("%error", place_of_block)
         with out.loop("cleared", dimension * LANES, out.width) as place:
             out.store(out.as_vector(number(0.0)), out.address(error, place))
         with out.loop("ended", LANES, out.width) as place:
-            out.store(out.as_vector(once["end"]), out.address(times, place))
+            out.store(out.as_vector(end), out.address(times, place))
         with out.loop("begun", used, out.width) as place:
-            out.store(out.as_vector(Value("%start")), out.address(times, place))
-            out.store(out.as_vector(once["first"]), out.address(lengths, place))
+            out.store(out.as_vector(out.argument("%start")), out.address(times, place))
+            out.store(out.as_vector(first), out.address(lengths, place))
         taken = out.address("%steps", block)
-        with out.loop("step", limit) as step:
-            out.store_whole(out.whole("add", step, 1), taken)
+        with out.loop("step", most) as number_of_step:
+            out.store_whole(out.whole("add", number_of_step, 1), taken)
             with out.loop_over_lanes(used) as lane:
                 rows = [out.whole("add", lane, j * LANES) for j in components]
                 states, errors = ([out.address(base, row) for row in rows] for base in (x, error))
                 here, length = out.address(times, lane), out.address(lengths, lane)
-                scope: Scope = {**once, "fraction": fraction, "t": out.load(here, vector=True)}
-                scope |= {"wanted": out.load(length, vector=True)}
-                scope |= {f"x{j}": out.load(states[j], vector=True) for j in components}
-                scope |= {f"a{j}": out.load(errors[j], vector=True) for j in components}
-                translate(out, [*_before(), *code.per_lane, *_after(dimension)], scope)
+                t, wanted = (out.load(place, vector=True) for place in (here, length))
+                before = [out.load(state, vector=True) for state in states]
+                brought = [out.load(place, vector=True) for place in errors]
+                # A lane at the end goes on in vain: nothing of it is kept.
+                left = end - t
+                h = where(left > 0.0, simd_math.fmin(simd_math.fmin(wanted, longest), left), first)
+                after, local, passed = per_lane(t, h, before, brought)
+                scales = [
+                    floor + rtol * simd_math.fmin(simd_math.fmax(abs(u), abs(v)), most_of_it)
+                    for floor, u, v, most_of_it in zip(atol, before, after, largest, strict=True)
+                ]
+                size = fraction * total(_sizes(local, scales, after))
+                takes = where((size <= 1.0) & (left > 0.0), 1.0, 0.0)
+                in_vain = functools.reduce(operator.and_, [left > 0.0, takes.equals(0.0), h < least])
+                lost = where(in_vain, 1.0, 0.0)
+                wanted = _next_length(h, size, takes, wanted)
+                reached = where(h >= left, end, t + h)
+                arrived = _chosen(lost, end, takes, reached, t)
+                states_after = [
+                    _chosen(lost, number(float("inf")), takes, y, x) for y, x in zip(after, before, strict=True)
+                ]
+                # The error of the step is smaller than that of the order below by about its own relative size to the
+                # power 1/5.
+                power = _eighth_root(total(map(abs, local)) / total(map(abs, after)))
+                power = simd_math.fmin(_HIGHER * power * simd_math.sqrt(power), number(1.0))
+                kept = [where(takes > 0.0, b + power * e, a) for a, b, e in zip(brought, passed, local, strict=True)]
                 for j in components:
-                    out.store(out.as_vector(scope[f"x{j}"]), states[j])
-                    out.store(out.as_vector(scope[f"a{j}"]), errors[j])
-                out.store(out.as_vector(scope["t"]), here)
-                out.store(out.as_vector(scope["wanted"]), length)
-            _leave_at_the_end(out, times, once["end"])
+                    out.store(out.as_vector(states_after[j]), states[j])
+                    out.store(out.as_vector(kept[j]), errors[j])
+                out.store(out.as_vector(arrived), here)
+                out.store(out.as_vector(wanted), length)
+            _leave_at_the_end(out, times, end)
         with out.loop("closed", LANES, out.width) as lane:
-            arrived = out.compare("oge", out.load(out.address(times, lane), vector=True), once["end"])
+            at_end = out.load(out.address(times, lane), vector=True) >= end
             for j in components:
                 place = out.address(error, out.whole("add", lane, j * LANES))
-                size = out.intrinsic("fabs", out.load(place, vector=True))
-                out.store(out.select(arrived, size, number(float("inf"))), place)
+                out.store(where(at_end, abs(out.load(place, vector=True)), float("inf")), place)
     return module_text(out.function("advance", ARGUMENTS), out)
 
 
-def _before() -> list[str]:
-    """Write the length of a step.  A lane at the end goes on in vain: nothing of it is kept."""
-    return [
-        "left = end - t",
-        "h = simd_math.fmin(simd_math.fmin(wanted, longest), left) if left > 0.0 else first",
-    ]
+def _next_length(h: Value, size: Value, takes: Value, wanted: Value) -> Value:
+    """Write how long the next step is to be after one of a relative error."""
+    # The power 3/16, near the 1/5 that a method of order 5 asks for, by square roots.
+    eighth = _eighth_root(simd_math.fmax(size, number(1e-12)))
+    change = 0.9 / (eighth * simd_math.sqrt(eighth))
+    bounded = simd_math.fmin(simd_math.fmax(change, number(0.2)), number(6.0))
+    following = h * where(size < 1e300, bounded, 0.1)
+    longer = (takes > 0.0) & (h < wanted)
+    return where(longer, simd_math.fmax(following, wanted), following)
 
 
-def _after(dimension: int) -> list[str]:
-    """Write what becomes of a step: taken or refused, and how long the next one is to be."""
-    components = range(dimension)
-    lines = [
-        f"z{j} = atol{j} + rtol * simd_math.fmin(simd_math.fmax(abs(x{j}), abs(y{j})), largest{j})" for j in components
-    ]
-    # A state that is not finite makes the sum NaN.
-    total = " + ".join(f"abs(e{j}) / z{j} + 0.0 * y{j}" for j in components)
-    lines += [
-        f"u = fraction * ({total})",
-        "takes = 1.0 if u <= 1.0 and left > 0.0 else 0.0",
-        "lost = 1.0 if left > 0.0 and takes == 0.0 and h < least else 0.0",
-        # The power 3/16, near the 1/5 that a method of order 5 asks for, by square roots.
-        "eighth = math.sqrt(math.sqrt(math.sqrt(simd_math.fmax(u, 1e-12))))",
-        "change = 0.9 / (eighth * math.sqrt(eighth))",
-        "bounded = simd_math.fmin(simd_math.fmax(change, 0.2), 6.0)",
-        "next = h * (bounded if u < 1e300 else 0.1)",
-        "wanted = simd_math.fmax(next, wanted) if takes > 0.0 and h < wanted else next",
-        "reached = end if h >= left else t + h",
-        "t = end if lost > 0.0 else (reached if takes > 0.0 else t)",
-    ]
-    lines += [f"x{j} = float('inf') if lost > 0.0 else (y{j} if takes > 0.0 else x{j})" for j in components]
-    # The error of the step is smaller than that of the order below by about its own relative size to the power 1/5.
-    lines.append(
-        f"rel = ({' + '.join(f'abs(e{j})' for j in components)}) / ({' + '.join(f'abs(y{j})' for j in components)})"
-    )
-    lines += [
-        "power = math.sqrt(math.sqrt(math.sqrt(rel)))",
-        f"power = simd_math.fmin({_HIGHER!r} * power * math.sqrt(power), 1.0)",
-    ]
-    return lines + [f"a{j} = b{j} + power * e{j} if takes > 0.0 else a{j}" for j in components]
+def _sizes(errors: Values, scales: Values, states: Values) -> Iterator[Value]:
+    """Write the relative errors; a state that is not finite makes them NaN."""
+    for error, scale, state in zip(errors, scales, states, strict=True):
+        yield abs(error) / scale
+        yield 0.0 * state
+
+
+def _chosen(lost: Value, at_end: Value, takes: Value, moved: Value, kept: Value) -> Value:
+    """Return one of three, for a lane that is lost, takes the step, or does not."""
+    ends = lost > 0.0
+    return where(ends, at_end, where(takes > 0.0, moved, kept))
+
+
+def _eighth_root(x: Value) -> Value:
+    return simd_math.sqrt(simd_math.sqrt(simd_math.sqrt(x)))
 
 
 def _leave_at_the_end(out: Instructions, times: str, end: Value) -> None:

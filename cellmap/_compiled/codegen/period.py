@@ -4,16 +4,21 @@ The function is
 
     advance(context, x, steps, start, period, p, error, orbits)
 
-with the arrays that :mod:`cellmap._compiled.codegen.lanes` describes, by address, and the number of orbits.  The
-context is for functions that serve several systems, see :mod:`cellmap._compiled.codegen.switching`, and not used here.
+with addresses of arrays: blocks ``x`` of shape (blocks, dimension, LANES), the number of steps of each block, the time
+at which the period begins, its length, the parameters, and ``error`` of the shape of x, which receives the sum of the
+estimated local errors of each component; and the number of orbits in the blocks.  Lanes of the last block beyond these
+hold copies, which may be moved on or not.  The context is for functions that serve several systems, see
+:mod:`cellmap._compiled.codegen.switching`, and for steps that call others.
+
 Blocks are the outer loop, then the steps of a block, then the vectors of its lanes; the body of the innermost loop is
-one whole step.
+one whole step, straight-line code.  A method supplies it as a :data:`Step`; see :mod:`runge_kutta` and :mod:`taylor`.
 """
 
 from __future__ import annotations
 
 import ctypes
 import functools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,8 +28,9 @@ from ..._lib.arrays import Floats, Ints
 from ..kernels.blocks import LANES
 from ..machine_code import MachineCode, machine_code, vector_width
 from .instructions import Instructions, Value, module_text, number
-from .lanes import CHECKED, StepCode
-from .statements import Scope, translate
+
+CHECKED = 256
+"""Steps between two looks at whether any lane of a block is still finite."""
 
 ARGUMENTS = (
     "ptr %context, ptr noalias %x, ptr noalias %steps, double %start, double %period, ptr noalias %p, "
@@ -47,25 +53,41 @@ class CompiledPeriod:
     def __call__(
         self, x: Floats, steps: Ints, start: float, period: float, p: Floats, error: Floats, orbits: int | None = None
     ) -> None:
-        """Move blocks of lanes on in place, full ones by default; see :mod:`cellmap._compiled.codegen.lanes`."""
+        """Move blocks of lanes on in place, full ones by default; as described above."""
         count = len(x) * LANES if orbits is None else orbits
         arrays = (self.context, x, steps, p, error)
         context, states, numbers, parameters, errors = (array.ctypes.data for array in arrays)
         _PROTOTYPE(self.address)(context, states, numbers, start, period, parameters, errors, count)
 
 
+Values = Sequence[Value]
+PerLane = Callable[[Values], tuple[Values, Values]]
+PerStep = Callable[[Value, Value], PerLane]
+Step = Callable[[Instructions, Values], PerStep]
+"""Writer of one step of a method, for one right-hand side: three functions, each of which returns the next.
+
+The first is given the parameters and writes what runs before everything.  The second is given the time and the size of
+a step, and writes what all lanes share.  The third turns the states of a lane into those after the step, and returns
+estimates of their local errors as well.
+"""
+
+
+def compiled_period(step: Step, dimension: int, parameters: int) -> CompiledPeriod:
+    """Compile the function ``advance`` described above."""
+    return compiled_advance(period_text(step, dimension, parameters, vector_width()))
+
+
 @functools.lru_cache(maxsize=256)
-def compiled_period(code: StepCode, dimension: int, parameters: int) -> CompiledPeriod:
-    """Compile the function ``advance`` of :mod:`cellmap._compiled.codegen.lanes`."""
-    loaded = machine_code(period_text(code, dimension, parameters, vector_width()))
+def compiled_advance(text: str) -> CompiledPeriod:
+    """Compile a module with a function ``advance``; equal formulas share one."""
+    loaded = machine_code(text)
     return CompiledPeriod(loaded.address("advance"), loaded)
 
 
-def period_text(code: StepCode, dimension: int, parameters: int, width: int) -> str:
+def period_text(step: Step, dimension: int, parameters: int, width: int) -> str:
     """Return the text of a module with the function ``advance`` described above, for vectors of some width."""
     out, components = Instructions(width), range(dimension)
-    once = parameter_scope(out, parameters)
-    translate(out, code.once, once)
+    per_step = step(out, loaded_parameters(out, parameters))
     with out.loop("block", blocks_of_orbits(out)) as block:
         used = lanes_in_use(out, block)
         steps = out.result(f"load i64, ptr {out.address('%steps', block)}, align 8").text
@@ -74,39 +96,34 @@ def period_text(code: StepCode, dimension: int, parameters: int, width: int) -> 
         with out.loop("cleared", dimension * LANES, out.width) as place:
             out.store(out.as_vector(number(0.0)), out.address(error, place))
         h = out.result(f"fdiv double %period, {out.result(f'sitofp i64 {steps} to double').text}")
-        with out.loop("step", steps) as step:
-            elapsed = out.binary("fmul", out.result(f"sitofp i64 {step} to double"), h)
-            per_step = {**once, "h": h, "t": out.binary("fadd", Value("%start"), elapsed)}
-            translate(out, code.per_step, per_step)
+        with out.loop("step", steps) as number_of_step:
+            elapsed = out.result(f"sitofp i64 {number_of_step} to double") * h
+            per_lane = per_step(out.argument("%start") + elapsed, h)
             with out.loop_over_lanes(used) as lane:
                 rows = [out.result(f"add i64 {lane}, {j * LANES}").text for j in components]
                 states, errors = ([out.address(base, row) for row in rows] for base in (x, error))
-                per_lane = {**per_step, **{f"x{j}": out.load(states[j], vector=True) for j in components}}
-                translate(out, code.per_lane, per_lane)
+                after, local = per_lane([out.load(state, vector=True) for state in states])
                 for j in components:
-                    out.store(out.as_vector(per_lane[f"y{j}"]), states[j])
-                    size = out.intrinsic("fabs", out.as_vector(per_lane[f"e{j}"]))
-                    out.store(out.binary("fadd", out.load(errors[j], vector=True), size), errors[j])
-            _leave_if_nothing_is_finite(out, x, step, dimension, used)
+                    out.store(out.as_vector(after[j]), states[j])
+                    size = abs(out.as_vector(local[j]))
+                    out.store(out.load(errors[j], vector=True) + size, errors[j])
+            _leave_if_nothing_is_finite(out, x, number_of_step, dimension, used)
     return module_text(out.function("advance", ARGUMENTS), out)
 
 
-@functools.lru_cache(maxsize=256)
-def compiled_rows(code: StepCode, dimension: int, parameters: int) -> MachineCode:
+def compiled_rows(step: Step, dimension: int, parameters: int) -> MachineCode:
     """Compile ``step(rows, count, p)``, which moves the rows of an array (count, dimension) on by one step, one by one.
 
     It is for orbits that are followed alone, whose periods come one after the other: there lanes stay empty.
     """
     out, components = Instructions(1), range(dimension)
-    scope = {**parameter_scope(out, parameters), "t": number(0.0), "h": number(1.0)}
-    translate(out, (*code.once, *code.per_step), scope)
+    per_lane = step(out, loaded_parameters(out, parameters))(out.number(0.0), out.number(1.0))
     with out.loop("row", "%count") as row:
         first = out.result(f"mul i64 {row}, {dimension}").text
         places = [out.address("%rows", out.result(f"add i64 {first}, {j}").text) for j in components]
-        inside = {**scope, **{f"x{j}": out.load(place) for j, place in enumerate(places)}}
-        translate(out, code.per_lane, inside)
+        after, _ = per_lane([out.load(place) for place in places])
         for j, place in enumerate(places):
-            out.store(inside[f"y{j}"], place)
+            out.store(after[j], place)
     return machine_code(module_text(out.function("step", "ptr noalias %rows, i64 %count, ptr noalias %p"), out))
 
 
@@ -122,9 +139,9 @@ def lanes_in_use(out: Instructions, block: str) -> str:
     return out.result(f"select i1 {fewer}, i64 {left}, i64 {LANES}").text
 
 
-def parameter_scope(out: Instructions, parameters: int) -> Scope:
-    """Load the parameters from the array p; their names are p0, p1, ...."""
-    return {f"p{i}": out.load(out.address("%p", i)) for i in range(parameters)}
+def loaded_parameters(out: Instructions, parameters: int) -> list[Value]:
+    """Load the parameters from the array p."""
+    return [out.load(out.address("%p", i)) for i in range(parameters)]
 
 
 def _leave_if_nothing_is_finite(out: Instructions, x: str, step: str, dimension: int, used: str) -> None:

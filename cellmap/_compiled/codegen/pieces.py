@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import log, pi
 from typing import Any, Protocol
 
 from .expression import Expression, in_order
+from .functions import TABLE
 
 
 class BranchingGraph(Protocol):
@@ -76,33 +76,8 @@ def _located(operation: str, rule: Rule) -> Rule:
     return chosen
 
 
-def _root_of_sum(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
-    return graph.apply("sqrt", graph.apply("add", graph.apply("mul", a, a), graph.apply("mul", b, b)))
-
-
-def _cube_root(graph: BranchingGraph, a: Expression) -> Expression:
-    size = graph.apply("pow", graph.apply("fabs", a), 1.0 / 3.0)
-    return graph.choose(a, size, graph.apply("neg", size))
-
-
-def _arc_sine(graph: BranchingGraph, a: Expression) -> Expression:
-    rest = graph.apply("sqrt", graph.apply("mul", graph.apply("sub", 1.0, a), graph.apply("add", 1.0, a)))
-    return graph.apply("mul", 2.0, graph.apply("atan", graph.apply("div", a, graph.apply("add", 1.0, rest))))
-
-
-def _inverse_tanh(graph: BranchingGraph, a: Expression) -> Expression:
-    quotient = graph.apply("div", graph.apply("add", 1.0, a), graph.apply("sub", 1.0, a))
-    return graph.apply("mul", 0.5, graph.apply("log", quotient))
-
-
-def _inverse_sinh(graph: BranchingGraph, a: Expression) -> Expression:
-    root = graph.apply("sqrt", graph.apply("add", graph.apply("mul", a, a), 1.0))
-    return graph.apply("mul", 2.0, _inverse_tanh(graph, graph.apply("div", a, graph.apply("add", root, 1.0))))
-
-
-def _exponential_less_one(graph: BranchingGraph, a: Expression) -> Expression:
-    half = graph.apply("mul", 0.5, a)
-    return graph.apply("mul", 2.0, graph.apply("mul", graph.apply("exp", half), graph.apply("sinh", half)))
+def _in_parts(rule: Callable[..., Expression]) -> Rule:
+    return lambda graph, *arguments: rule(*arguments)
 
 
 def _power(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
@@ -111,20 +86,8 @@ def _power(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
     return graph.apply("exp", graph.apply("mul", b, graph.apply("log", a)))
 
 
-BY_SERIES: dict[str, Rule] = {
-    "pow": _power,
-    "hypot": _root_of_sum,
-    "cbrt": _cube_root,
-    "exp2": lambda graph, a: graph.apply("exp", graph.apply("mul", log(2.0), a)),
-    "expm1": _exponential_less_one,
-    "log1p": lambda graph, a: graph.apply("log", graph.apply("add", 1.0, a)),
-    "log2": lambda graph, a: graph.apply("mul", 1.0 / log(2.0), graph.apply("log", a)),
-    "log10": lambda graph, a: graph.apply("mul", 1.0 / log(10.0), graph.apply("log", a)),
-    "asin": _arc_sine,
-    "acos": lambda graph, a: graph.apply("sub", 0.5 * pi, _arc_sine(graph, a)),
-    "asinh": _inverse_sinh,
-    "atanh": _inverse_tanh,
-}
+BY_SERIES: dict[str, Rule] = {name: _in_parts(known.in_parts) for name, known in TABLE.items() if known.in_parts}
+BY_SERIES["pow"] = _power
 """Operations in terms of those that have recurrences of series."""
 
 PIECES: dict[str, Rule] = {

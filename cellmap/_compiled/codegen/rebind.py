@@ -12,17 +12,9 @@ from typing import Any
 
 import numpy as np
 
-NUMPY_NAMES = {
-    "arcsin": "asin",
-    "arccos": "acos",
-    "arctan": "atan",
-    "arctan2": "atan2",
-    "arcsinh": "asinh",
-    "arccosh": "acosh",
-    "arctanh": "atanh",
-    "absolute": "fabs",
-    "sign": "sign",
-    "remainder": "mod",
+from .functions import TABLE
+
+NUMPY_NAMES = {known.numpy: name for name, known in TABLE.items() if known.numpy} | {
     "float_power": "pow",
     "logaddexp": "logaddexp",
     "signbit": "signbit",

@@ -10,14 +10,15 @@ the matrix that is at hand: what a stiff flow forgets does not count.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 
 from .derivative import along
-from .emit import assignment, dot
+from .emit import Known, evaluate, inputs
 from .expression import Expression, in_order
-from .resolution import as_error, excess, largest, layers
-from .runge_kutta import apart, stage_namer
+from .instructions import Instructions, Value, dot
+from .period import Values
+from .resolution import as_error, excess, layers
+from .runge_kutta import apart
 from .trace import CONSTANT, STATEFUL, Trace
 
 GAMMA = 0.21193756319429014
@@ -54,21 +55,18 @@ _PASSAGE = (-0.0236009746822688, -1.6711688053433813, 2.69476978002565)
 """Weights c_i of the sum of c_i / (1 - gamma z)^i that is exp(z) to order 2, bounded by 1 in the left half plane."""
 
 
-@dataclass(frozen=True)
-class OwnStepCode:
-    """Source lines of one step of each lane's own size.
+OwnStepOfLane = Callable[[Value, Value, Values, Values], tuple[Values, Values, Values]]
+OwnStep = Callable[[Instructions, Values], OwnStepOfLane]
+"""Writer of one step of each lane's own size: two functions, the first of which returns the second.
 
-    ``once`` runs before everything.  ``per_lane`` turns the state x0, x1, ... at the time t, with the step h, into y0,
-    y1, ..., leaves in e0, e1, ... estimates of the local error of the method of one order less, and turns the errors
-    a0, a1, ... that an orbit brings along into b0, b1, ....
-    """
-
-    once: tuple[str, ...]
-    per_lane: tuple[str, ...]
+The first is given the parameters and writes what runs before everything.  The second is given a time, the size of a
+step, the state and the errors that an orbit brings along.  It returns the state after the step, estimates of the local
+error of the method of one order less, and what becomes of the errors that were brought along.
+"""
 
 
-def rosenbrock_steps(trace: Trace) -> OwnStepCode:
-    """Write one step of the method for a traced right-hand side.
+def rosenbrock_steps(trace: Trace) -> OwnStep:
+    """Return one step of the method for a traced right-hand side.
 
     Raises
     ------
@@ -81,44 +79,55 @@ def rosenbrock_steps(trace: Trace) -> OwnStepCode:
     of_time = along(graph, trace.outputs, {trace.time: one})
     slopes = [columns[k][j] for j in range(size) for k in range(size)]
     levels = {n: STATEFUL if level else CONSTANT for n, level in _levels(trace, (*slopes, *of_time)).items()}
-    once = [assignment(n, stage_namer(levels, 0, ""), CONSTANT) for n in levels if not levels[n] and n.arguments]
-    lines = ["t0 = t", *(f"s0_{j} = x{j}" for j in range(size)), "rh = 1.0 / h", f"g = rh * {1.0 / GAMMA!r}"]
-    name = stage_namer(levels, 0, "0")
-    lines += [assignment(n, name, STATEFUL) for n in levels if levels[n] and n.arguments]
-    lines += [f"f0_{j} = {name(e)}" for j, e in enumerate(trace.outputs)]
-    lines += [f"ft{j} = h * {name(e)}" for j, e in enumerate(of_time) if not e.vanishes]
-    matrix = _Elimination(size)
-    lines += matrix.factors(
-        [["" if e.vanishes else name(e) for e in slopes[j * size : (j + 1) * size]] for j in range(size)]
-    )
+    constant, stateful = ([n for n in levels if levels[n] == level] for level in (CONSTANT, STATEFUL))
+    in_stages = [n for n in in_order(trace.outputs) if levels[n]]
+    arguments = layers(trace.outputs, levels)
     last = len(_COUPLINGS) - 1
-    for stage in range(last + 1):
-        if stage:
-            lines += _arguments(stage, size)
-            name = stage_namer(levels, stage, str(stage))
-            lines.append(f"t{stage} = t + {_NODES[stage]!r} * h")
-            lines += [assignment(n, name, STATEFUL) for n in in_order(trace.outputs) if levels[n] and n.arguments]
-            lines += [f"f{stage}_{j} = {name(e)}" for j, e in enumerate(trace.outputs)]
-        for j in range(size):
-            known = dot((repr(c), f"k{i}_{j}") for i, c in enumerate(_COUPLINGS[stage]))
-            moves = stage < len(_TIME) and not of_time[j].vanishes
-            terms = [f"f{stage}_{j}", f"rh * ({known})" if known else "", f"{_TIME[stage]!r} * ft{j}" if moves else ""]
-            lines.append(f"r{j} = {' + '.join(filter(None, terms))}")
-        lines += matrix.solution("r", f"k{stage}_")
-    lines += [f"y{j} = s{last}_{j} + k{last}_{j}" for j in range(size)]
-    lines += [f"e{j} = k{last}_{j}" for j in range(size)]
-    sharp = []
-    for number, (argument, scale) in enumerate(layers(trace.outputs, levels)):
-        places = [stage_namer(levels, k, str(k))(argument) for k in apart(_NODES)]
-        lines += excess(str(number), places, scale)
-        sharp.append(f"sharp{number}")
-    lines += as_error(largest(sharp), "e0") if sharp else ()
-    for power in range(len(_PASSAGE)):
-        source = f"q{power - 1}_" if power else "a"
-        lines += [f"r{j} = g * {source}{j}" for j in range(size)]
-        lines += matrix.solution("r", f"q{power}_")
-    lines += [f"b{j} = {dot((repr(c), f'q{i}_{j}') for i, c in enumerate(_PASSAGE))}" for j in range(size)]
-    return OwnStepCode(tuple(once), tuple(lines))
+
+    def step(out: Instructions, p: Values) -> OwnStepOfLane:
+        once = evaluate(out, constant, inputs(out, levels, parameter=p), CONSTANT)
+
+        def per_lane(t: Value, h: Value, x: Values, before: Values) -> tuple[Values, Values, Values]:
+            per_time = 1.0 / h
+            g = per_time * (1.0 / GAMMA)
+            stages: list[Known] = []
+            k: list[Values] = []
+
+            def at(time: Value, state: Values, nodes: list[Expression]) -> Values:
+                known = once | inputs(out, [trace.time], time={None: time})
+                stages.append(evaluate(out, nodes, known | dict(zip(trace.states, state, strict=True)), STATEFUL))
+                return [stages[-1][e] for e in trace.outputs]
+
+            state, rates = x, at(t, x, stateful)
+            drift = [None if e.vanishes else h * stages[0][e] for e in of_time]
+            rows = [slopes[j * size : (j + 1) * size] for j in range(size)]
+            matrix = _Elimination(g, [[None if e.vanishes else stages[0][e] for e in row] for row in rows])
+            for stage in range(last + 1):
+                if stage:
+                    state = _arguments(stage, x, state, k)
+                    rates = at(t + _NODES[stage] * h, state, in_stages)
+                right = list(rates)
+                for j in range(size):
+                    known = dot((c, row[j]) for c, row in zip(_COUPLINGS[stage], k, strict=True))
+                    push = drift[j]
+                    if known is not None:
+                        right[j] = right[j] + per_time * known
+                    if stage < len(_TIME) and push is not None:
+                        right[j] = right[j] + _TIME[stage] * push
+                k.append(matrix.solution(right))
+            after = [a + b for a, b in zip(state, k[last], strict=True)]
+            seen = apart(_NODES)
+            sharp = [excess([stages[n][argument] for n in seen], scale) for argument, scale in arguments]
+            errors = [as_error(sharp, k[last][0]), *k[last][1:]]
+            powers = [before]
+            for _ in _PASSAGE:
+                powers.append(matrix.solution([g * q for q in powers[-1]]))
+            passed = [dot((c, q[j]) for c, q in zip(_PASSAGE, powers[1:], strict=True)) for j in range(size)]
+            return after, errors, [b for b in passed if b is not None]
+
+        return per_lane
+
+    return step
 
 
 def _levels(trace: Trace, further: tuple[Expression, ...]) -> dict[Expression, int]:
@@ -126,46 +135,46 @@ def _levels(trace: Trace, further: tuple[Expression, ...]) -> dict[Expression, i
     return Trace(trace.graph, trace.states, trace.time, trace.parameters, (*trace.outputs, *further)).levels()
 
 
-def _arguments(stage: int, size: int) -> Iterator[str]:
+def _arguments(stage: int, x: Values, before: Values, k: list[Values]) -> Values:
     """Write the state at which a stage evaluates the right-hand side."""
-    for j in range(size):
-        if stage < len(_STAGES):
-            yield f"s{stage}_{j} = x{j} + ({dot((repr(a), f'k{i}_{j}') for i, a in enumerate(_STAGES[stage]))})"
-        else:
-            yield f"s{stage}_{j} = s{stage - 1}_{j} + k{stage - 1}_{j}"
+    if stage >= len(_STAGES):
+        return [state + move for state, move in zip(before, k[-1], strict=True)]
+    rows = [[(a, row[j]) for a, row in zip(_STAGES[stage], k, strict=True)] for j in range(len(x))]
+    return [state + change for state, row in zip(x, rows, strict=True) if (change := dot(row)) is not None]
 
 
 class _Elimination:
-    """Gaussian elimination of the matrix g - J, written out without what vanishes."""
+    """Gaussian elimination of the matrix g - J, written out without what vanishes (None)."""
 
-    def __init__(self, size: int) -> None:
-        self.size = size
-        self.filled: set[tuple[int, int]] = set()
-
-    def factors(self, slopes: list[list[str]]) -> Iterator[str]:
-        """Write the factors, in the names w<row>_<column>, with reciprocals of pivots in v<row>."""
+    def __init__(self, g: Value, slopes: list[list[Value | None]]) -> None:
+        size = len(slopes)
+        self.factors: dict[tuple[int, int], Value] = {}
+        w = self.factors
         for j, row in enumerate(slopes):
             for k, slope in enumerate(row):
-                if j == k or slope:
-                    self.filled.add((j, k))
-                    yield f"w{j}_{k} = {'g' if j == k else ''}{f' - {slope}' if slope else ''}"
-        for i in range(self.size):
-            yield f"v{i} = 1.0 / w{i}_{i}"
-            for j in range(i + 1, self.size):
-                if (j, i) in self.filled:
-                    yield f"w{j}_{i} = w{j}_{i} * v{i}"
-                    for k in range(i + 1, self.size):
-                        if (i, k) in self.filled:
-                            before = f"w{j}_{k} - " if (j, k) in self.filled else "-"
-                            self.filled.add((j, k))
-                            yield f"w{j}_{k} = {before}w{j}_{i} * w{i}_{k}"
+                if slope is not None:
+                    w[j, k] = g - slope if j == k else -slope
+                elif j == k:
+                    w[j, k] = g
+        self.pivots: list[Value] = []
+        for i in range(size):
+            self.pivots.append(1.0 / w[i, i])
+            for j in range(i + 1, size):
+                if (j, i) in w:
+                    w[j, i] = w[j, i] * self.pivots[i]
+                    for k in range(i + 1, size):
+                        if (i, k) in w:
+                            w[j, k] = w[j, k] - w[j, i] * w[i, k] if (j, k) in w else -w[j, i] * w[i, k]
 
-    def solution(self, right: str, unknown: str) -> Iterator[str]:
-        """Write the solution for a right side that is overwritten."""
-        for j in range(self.size):
-            known = dot((f"w{j}_{k}", f"{right}{k}") for k in range(j) if (j, k) in self.filled)
-            if known:
-                yield f"{right}{j} = {right}{j} - ({known})"
-        for j in reversed(range(self.size)):
-            known = dot((f"w{j}_{k}", f"{unknown}{k}") for k in range(j + 1, self.size) if (j, k) in self.filled)
-            yield f"{unknown}{j} = ({right}{j}{f' - ({known})' if known else ''}) * v{j}"
+    def solution(self, right: Values) -> list[Value]:
+        """Write the solution for a right side."""
+        size, w, below = len(right), self.factors, list(right)
+        for j in range(size):
+            known = dot((w[j, k], below[k]) for k in range(j) if (j, k) in w)
+            if known is not None:
+                below[j] = below[j] - known
+        found = dict[int, Value]()
+        for j in reversed(range(size)):
+            known = dot((w[j, k], found[k]) for k in range(j + 1, size) if (j, k) in w)
+            found[j] = (below[j] if known is None else below[j] - known) * self.pivots[j]
+        return [found[j] for j in range(size)]

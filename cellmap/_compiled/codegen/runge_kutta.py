@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from .emit import assignment, dot, input_name
-from .expression import Expression, in_order
-from .lanes import StepCode
-from .resolution import as_error, excess, largest, layers
+from . import simd_math
+from .emit import Known, evaluate, inputs
+from .expression import in_order
+from .instructions import Instructions, Value, dot
+from .period import PerLane, PerStep, Step, Values
+from .resolution import as_error, excess, layers
 from .trace import CONSTANT, STATEFUL, TIMED, Trace
+
+Call = Callable[[Value, Values], Values]
+"""Writer of the derivatives at a time and a state."""
 
 
 @dataclass(frozen=True)
@@ -30,35 +35,50 @@ class Tableau:
     errors: tuple[tuple[float, ...], ...]
 
 
-def traced_steps(trace: Trace, tableau: Tableau) -> StepCode:
-    """Write one step of the method for a traced right-hand side."""
+def traced_steps(trace: Trace, tableau: Tableau) -> Step:
+    """Return one step of the method for a traced right-hand side."""
     levels = trace.levels()
     nodes = in_order(trace.outputs)
-    once = [assignment(n, stage_namer(levels, 0, ""), CONSTANT) for n in nodes if levels[n] == CONSTANT and n.arguments]
-    per_step = _scaled_coefficients(tableau)
-    moments: dict[float, str] = {}
-    per_lane: list[str] = []
-    for stage, c in enumerate(tableau.nodes):
-        if c not in moments:
-            moments[c] = str(len(moments))
-            per_step.append(f"t{moments[c]} = t + {c!r} * h" if c else f"t{moments[c]} = t")
-            per_step += [
-                assignment(n, stage_namer(levels, stage, moments[c]), TIMED)
-                for n in nodes
-                if levels[n] == TIMED and n.arguments
-            ]
-        name = stage_namer(levels, stage, moments[c])
-        per_lane += _stage_states(tableau, stage, len(trace.states))
-        per_lane += [assignment(n, name, STATEFUL) for n in nodes if levels[n] == STATEFUL and n.arguments]
-        per_lane += [f"k{stage}_{j} = {name(e)}" for j, e in enumerate(trace.outputs)]
-    per_lane += _finish(tableau, len(trace.states))
-    sharp = []
-    for number, (argument, scale) in enumerate(layers(trace.outputs, levels)):
-        places = [stage_namer(levels, k, moments[tableau.nodes[k]])(argument) for k in apart(tableau.nodes)]
-        (per_step if levels[argument] == TIMED else per_lane).extend(excess(str(number), places, scale))
-        sharp.append(f"sharp{number}")
-    per_lane += as_error(largest(sharp), "e0") if sharp else ()
-    return StepCode(tuple(once), tuple(per_step), tuple(per_lane))
+    of_level = [[n for n in nodes if levels[n] == level] for level in (CONSTANT, TIMED, STATEFUL)]
+    arguments = layers(trace.outputs, levels)
+    seen = apart(tableau.nodes)
+
+    def step(out: Instructions, p: Values) -> PerStep:
+        once = evaluate(out, of_level[CONSTANT], inputs(out, nodes, parameter=p), CONSTANT)
+
+        def per_step(t: Value, h: Value) -> PerLane:
+            scaled = _scaled(tableau, h)
+            moments: dict[float, Known] = {}
+            for c in tableau.nodes:
+                if c not in moments:
+                    known = once | inputs(out, [trace.time], time={None: t + c * h if c else t})
+                    moments[c] = evaluate(out, of_level[TIMED], known, TIMED)
+            sharp = {
+                argument: excess([moments[tableau.nodes[k]][argument] for k in seen], scale)
+                for argument, scale in arguments
+                if levels[argument] == TIMED
+            }
+
+            def per_lane(x: Values) -> tuple[Values, Values]:
+                stages: list[Known] = []
+
+                def slopes(c: float, state: Values) -> Values:
+                    known = moments[c] | dict(zip(trace.states, state, strict=True))
+                    stages.append(evaluate(out, of_level[STATEFUL], known, STATEFUL))
+                    return [stages[-1][e] for e in trace.outputs]
+
+                after, errors = _step(tableau, scaled, h, x, slopes)
+                factors = [
+                    sharp[argument] if argument in sharp else excess([stages[k][argument] for k in seen], scale)
+                    for argument, scale in arguments
+                ]
+                return after, [as_error(factors, errors[0]), *errors[1:]]
+
+            return per_lane
+
+        return per_step
+
+    return step
 
 
 def apart(nodes: Sequence[float]) -> list[int]:
@@ -70,65 +90,50 @@ def apart(nodes: Sequence[float]) -> list[int]:
     return chosen
 
 
-def called_steps(dimension: int, parameters: int, tableau: Tableau) -> StepCode:
-    """Write one step that calls a compiled right-hand side ``rhs(t, x, p)`` instead of containing it."""
-    record = "(" + "".join(f"p{i}, " for i in range(parameters)) + ")"
-    per_step = _scaled_coefficients(tableau)
-    per_lane: list[str] = []
-    for stage, c in enumerate(tableau.nodes):
-        state = "(" + "".join(f"s{stage}_{j}, " for j in range(dimension)) + ")"
-        targets = "".join(f"k{stage}_{j}, " for j in range(dimension))
-        per_lane += _stage_states(tableau, stage, dimension)
-        per_lane.append(f"{targets}= defined(t + {c!r} * h, {state}, record)")
-    per_lane += _finish(tableau, dimension)
-    return StepCode(
-        (f"record = Parameters{record}" if parameters else "record = ()",), tuple(per_step), tuple(per_lane)
-    )
+def called_steps(prepared: Callable[[Instructions], Call], tableau: Tableau) -> Step:
+    """Return one step of a right-hand side that is called, by what prepares such calls in a function."""
+
+    def step(out: Instructions, p: Values) -> PerStep:
+        slopes = prepared(out)
+
+        def per_step(t: Value, h: Value) -> PerLane:
+            scaled = _scaled(tableau, h)
+            return lambda x: _step(tableau, scaled, h, x, lambda c, state: slopes(t + c * h, state))
+
+        return per_step
+
+    return step
 
 
-def stage_namer(
-    levels: dict[Expression, int], stage: int | str, moment: str, state: str | None = None
-) -> Callable[[Expression], str]:
-    """Name nodes: per lane and stage, per stage time, or once; states are s<stage>_0, ... or <state>0, ...."""
-    stem = f"s{stage}_" if state is None else state
-    numbers = {node: i for i, node in enumerate(levels)}
-    prefix = {CONSTANT: "c", TIMED: f"m{moment}_", STATEFUL: f"v{stage}_"}
-    inputs = {
-        "state": lambda i: f"{stem}{i}",
-        "time": lambda _: f"t{moment}",
-        "parameter": lambda i: f"p{i}",
-    }
-    return lambda node: input_name(node, inputs) or f"{prefix[levels[node]]}{numbers[node]}"
+def _scaled(tableau: Tableau, h: Value) -> list[list[Value | None]]:
+    """Write the coefficients of the stages, and of the step, times its size."""
+    return [[h * a if a else None for a in row] for row in (*tableau.stages, tableau.weights)]
 
 
-def _scaled_coefficients(tableau: Tableau) -> list[str]:
-    return [
-        f"a{stage}_{k} = h * {a!r}"
-        for stage, row in enumerate((*tableau.stages, tableau.weights))
-        for k, a in enumerate(row)
-        if a
-    ]
+def _step(
+    tableau: Tableau,
+    scaled: Sequence[Sequence[Value | None]],
+    h: Value,
+    x: Values,
+    slopes: Callable[[float, Values], Values],
+) -> tuple[list[Value], list[Value]]:
+    """Write the stages of a step; return the states after it and the estimates of their errors."""
+    found: list[Values] = []  # derivatives of the stages
 
+    def moved(j: int, row: Sequence[Value | None]) -> Value:
+        change = dot((a, k[j]) for a, k in zip(row, found, strict=False) if a is not None)
+        return x[j] if change is None else x[j] + change
 
-def _combination(prefix: str, row: tuple[float, ...], j: int) -> str:
-    return dot((f"{prefix}_{k}", f"k{k}_{j}") for k, a in enumerate(row) if a)
-
-
-def _stage_states(tableau: Tableau, stage: int, dimension: int) -> list[str]:
-    row = tableau.stages[stage]
-    if not any(row):
-        return [f"s{stage}_{j} = x{j}" for j in range(dimension)]
-    return [f"s{stage}_{j} = x{j} + ({_combination(f'a{stage}', row, j)})" for j in range(dimension)]
-
-
-def _finish(tableau: Tableau, dimension: int) -> list[str]:
-    last = f"a{len(tableau.stages)}"
-    lines = [f"y{j} = x{j} + ({_combination(last, tableau.weights, j)})" for j in range(dimension)]
-    for j in range(dimension):
-        sums = [dot((repr(e), f"k{k}_{j}") for k, e in enumerate(row) if e) for row in tableau.errors]
+    for c, row in zip(tableau.nodes, scaled, strict=False):
+        found.append(slopes(c, [moved(j, row) for j in range(len(x))]))
+    after, errors = [moved(j, scaled[-1]) for j in range(len(x))], []
+    for j in range(len(x)):
+        sums = [dot((e, k[j]) for e, k in zip(row, found, strict=False) if e) for row in tableau.errors]
+        f, g = sums[0], sums[-1]
+        assert f is not None and g is not None, "an estimate has terms"
         if len(sums) == 1:
-            lines.append(f"e{j} = h * ({sums[0]})")
+            errors.append(h * f)
         else:
-            lines += [f"f{j} = {sums[0]}", f"g{j} = {sums[1]}", f"q{j} = f{j} * f{j}"]
-            lines.append(f"e{j} = h * q{j} / simd_math.sqrt(q{j} + 0.01 * (g{j} * g{j}) + 1e-290)")
-    return lines
+            q = f * f
+            errors.append(h * q / simd_math.sqrt(q + 0.01 * (g * g) + 1e-290))
+    return after, errors

@@ -16,7 +16,10 @@ passed over.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Sequence
+import itertools
+import operator
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,15 +28,15 @@ from ..kernels.blocks import LANES
 from ..kernels.collisions import CLOSE
 from ..kernels.lane import COUNTS, SOLID, STRIKES
 from ..machine_code import MachineCode, machine_code, vector_width
+from . import simd_math
 from .defects import elsewhere, hides, is_affine
-from .emit import assignment, input_name
+from .emit import Known, applied, inputs
 from .evaluation import ROUNDING
 from .expression import Expression, in_order
 from .filippov import SwitchingTrace
-from .instructions import Instructions, Value, module_text
-from .period import CompiledPeriod, parameter_scope
-from .statements import Scope, translate
-from .taylor import Series
+from .instructions import Instructions, Value, module_text, number, total, where
+from .period import CompiledPeriod, Values, loaded_parameters
+from .taylor import Series, Structure
 from .trace import CONSTANT, STATEFUL
 
 _OUTPUTS = ("values", "rates", "gains", "jumps", "normals")
@@ -57,7 +60,7 @@ _FIRST = 2.0**-20  # of a step, the first part where a root has no series
 def compiled_switching(
     traced: SwitchingTrace, order: int, parameters: int, tolerance: float, one_step: bool = False
 ) -> CompiledPeriod:
-    """Compile ``advance`` of :mod:`cellmap._compiled.codegen.lanes` for Taylor steps.
+    """Compile ``advance`` of :mod:`cellmap._compiled.codegen.period` for Taylor steps.
 
     With `one_step` there is no lighter step for lanes in which nothing slides, as where there are no others.
     """
@@ -89,13 +92,15 @@ def switching_functions(
     traced: SwitchingTrace, order: int, parameters: int, tolerance: float, width: int, one_step: bool = False
 ) -> dict[str, Instructions]:
     """Return the bodies of the functions described above."""
-    steps = {"general_step": Series(traced.motion, order, extra=traced.events, one_clock=False)}
+    steps = {"general_step": Structure(traced.motion, traced.events, one_clock=False)}
     if not one_step:
-        steps["free_step"] = Series(traced.free_motion, order, extra=traced.free_events, one_clock=False)
+        steps["free_step"] = Structure(traced.free_motion, traced.free_events, one_clock=False)
     functions = {name: Instructions(1 if name in {"surfaces", "impacts"} else width) for name in _ARGUMENTS}
-    for name, series in steps.items():
+    for name, structure in steps.items():
+        out = functions[name]
+        series = Series(structure, order, out, loaded_parameters(out, parameters))
         sliding = None if one_step else name == "general_step"
-        _write_step(functions[name], series, parameters, traced.counts, sliding, tolerance)
+        _write_step(out, series, traced.counts, sliding, tolerance)
     _write_begin(functions["begin"], traced, order, parameters)
     _write_surfaces(functions["surfaces"], traced, parameters)
     if traced.impacts:
@@ -107,25 +112,26 @@ def _write_begin(out: Instructions, traced: SwitchingTrace, order: int, paramete
     """Write the function that puts each lane on its side of each surface; the flag says where that is open."""
     size, count = len(traced.motion.states), len(traced.surfaces)
     flag = (size + count) * (order + 1) + size + 2
-    once = {**parameter_scope(out, parameters), "t": Value("%start")}
+    p, start = loaded_parameters(out, parameters), out.argument("%start")
     with out.loop_over_lanes(LANES) as lane:
         address = functools.partial(_place, out, lane)
-        scope = {**once, **{f"x{j}": out.load(address("%lanes", j), vector=True) for j in range(size)}}
-        lines, sides = _evaluated(traced.beginnings)
-        for e, (side, kind) in enumerate(zip(sides, traced.kinds, strict=True)):
-            lines.append(
-                f"side{e} = " + (f"math.floor({side})" if kind == COUNTS else f"1.0 if {side} > 0.0 else -1.0")
-            )
-            close = f"abs({side}) <= {CLOSE!r}" if kind >= STRIKES else f"{side} == 0.0"
-            close = f"{side} <= {CLOSE!r}" if kind == SOLID else close
-            lines.append(f"open{e} = " + ("0.0" if kind == COUNTS else f"1.0 if {close} else 0.0"))
-        lines += [f"flag = {' + '.join(f'open{e}' for e in range(count))}", "free = 0.0"]
-        translate(out, lines, scope)
-        out.store(out.as_vector(scope["t"]), address("%lanes", size))
+        x = [out.load(address("%lanes", j), vector=True) for j in range(size)]
+        values = _evaluated(out, traced.beginnings, parameter=p, time={None: start}, state=x)
+        sides, unsure = [], []
+        for value, kind in zip(values, traced.kinds, strict=True):
+            sides.append(simd_math.floor(value) if kind == COUNTS else where(value > 0.0, 1.0, -1.0))
+            if kind == COUNTS:
+                unsure.append(out.number(0.0))
+            elif kind == SOLID:
+                unsure.append(where(value <= CLOSE, 1.0, 0.0))
+            else:
+                unsure.append(where(abs(value) <= CLOSE if kind >= STRIKES else value.equals(0.0), 1.0, 0.0))
+        open_somewhere = total(unsure)
+        out.store(out.as_vector(start), address("%lanes", size))
         for e in range(count):
-            out.store(out.as_vector(scope[f"side{e}"]), address("%lanes", size + 1 + e))
-            out.store(out.as_vector(scope["free"]), address("%lanes", size + 1 + count + e))
-        out.store(out.as_vector(scope["flag"]), address("%series", flag))
+            out.store(out.as_vector(sides[e]), address("%lanes", size + 1 + e))
+            out.store(out.as_vector(number(0.0)), address("%lanes", size + 1 + count + e))
+        out.store(out.as_vector(open_somewhere), address("%series", flag))
 
 
 def _place(out: Instructions, lane: str, base: str, row: int) -> str:
@@ -146,14 +152,7 @@ def _write_surfaces(out: Instructions, traced: SwitchingTrace, parameters: int) 
         e if counts else h for h, e, counts in zip(traced.surfaces, traced.free_events, traced.counts, strict=True)
     ]
     outputs = (values, traced.rates, flat(traced.gains), flat(traced.jumps), flat(traced.normals))
-    lines, names = _evaluated(flat(outputs))
-    scope = {**parameter_scope(out, parameters), "t": Value("%t")}
-    scope |= {f"x{j}": out.load(out.address("%x", j)) for j in range(len(traced.normals[0]))}
-    scope |= {f"g{e}": out.load(out.address("%signs", e)) for e in range(len(traced.surfaces))}
-    places = [(array, i) for array, expressions in zip(_OUTPUTS, outputs, strict=True) for i in range(len(expressions))]
-    translate(out, [*lines, *(f"{array}_{i} = {name}" for (array, i), name in zip(places, names, strict=True))], scope)
-    for array, i in places:
-        out.store(scope[f"{array}_{i}"], out.address(f"%{array}", i))
+    _write_of_one_lane(out, traced, parameters, dict(zip(_OUTPUTS, outputs, strict=True)), ["%x"])
 
 
 def _write_impacts(out: Instructions, traced: SwitchingTrace, parameters: int) -> None:
@@ -162,161 +161,185 @@ def _write_impacts(out: Instructions, traced: SwitchingTrace, parameters: int) -
     aside = tuple(base.graph.node("state", value=d + j) for j in range(d))
     rest = {"landed": base.states, "turned": aside, "stuck": base.states, "held": aside}
     outputs = {name: [e for i in traced.impacts for e in (getattr(i, name) if i else rest[name])] for name in _STRUCK}
-    lines, names = _evaluated([e for name in _STRUCK for e in outputs[name]])
-    scope = {**parameter_scope(out, parameters), "t": Value("%t")}
-    scope |= {f"x{j}": out.load(out.address("%x", j)) for j in range(d)}
-    scope |= {f"x{d + j}": out.load(out.address("%v", j)) for j in range(d)}
-    scope |= {f"g{e}": out.load(out.address("%signs", e)) for e in range(len(traced.surfaces))}
-    places = [(name, i) for name in _STRUCK for i in range(len(outputs[name]))]
-    translate(out, [*lines, *(f"{array}_{i} = {name}" for (array, i), name in zip(places, names, strict=True))], scope)
-    for array, i in places:
-        out.store(scope[f"{array}_{i}"], out.address(f"%{array}", i))
+    _write_of_one_lane(out, traced, parameters, outputs, ["%x", "%v"])
 
 
-def _evaluated(expressions: Sequence[Expression]) -> tuple[list[str], list[str]]:
-    """Return statements that evaluate expressions of time t, state x0, x1, ..., parameters and signs, and names."""
+def _write_of_one_lane(
+    out: Instructions,
+    traced: SwitchingTrace,
+    parameters: int,
+    outputs: Mapping[str, Sequence[Expression]],
+    states: Sequence[str],
+) -> None:
+    """Write a function that stores expressions of one lane in arrays; those of its states are at some addresses."""
+    p = loaded_parameters(out, parameters)
+    x = [out.load(out.address(base, j)) for base in states for j in range(len(traced.normals[0]))]
+    signs = [out.load(out.address("%signs", e)) for e in range(len(traced.surfaces))]
+    expressions = [e for listed in outputs.values() for e in listed]
+    found = _evaluated(out, expressions, parameter=p, time={None: out.argument("%t")}, state=x, sign=signs)
+    places = [(array, i) for array, listed in outputs.items() for i in range(len(listed))]
+    for (array, i), value in zip(places, found, strict=True):
+        out.store(value, out.address(f"%{array}", i))
+
+
+def _evaluated(out: Instructions, expressions: Sequence[Expression], **given: object) -> list[Value]:
+    """Write expressions of inputs that are given by their kinds; return their values."""
     nodes = in_order(expressions)
-    numbers = {node: i for i, node in enumerate(nodes)}
-    inputs: dict[str, Callable[[int], str]] = {
-        "state": lambda i: f"x{i}",
-        "time": lambda _: "t",
-        "parameter": lambda i: f"p{i}",
-        "sign": lambda i: f"g{i}",
-    }
-
-    def name(node: Expression) -> str:
-        return input_name(node, inputs) or f"v{numbers[node]}"
-
-    lines = []
+    known: Known = inputs(out, nodes, **given)
     for node in nodes:
-        if node.operation in {"sqrt", "pow"}:
-            # On a surface the argument of a root may be negative by rounding.
-            inner, base = node.arguments[0], f"b{numbers[node]}"
-            lines.append(f"{base} = 0.0 if {name(inner)} <= 0.0 and {name(inner)} > {-ROUNDING!r} else {name(inner)}")
-            lines.append(assignment(node, functools.partial(_renamed, name, inner, base), STATEFUL))
-        elif node.arguments:
-            lines.append(assignment(node, name, STATEFUL))
-    return lines, [name(e) for e in expressions]
-
-
-def _renamed(name: Callable[[Expression], str], one: Expression, its_name: str, node: Expression) -> str:
-    """Return the name of a node, where one has another name."""
-    return its_name if node is one else name(node)
+        if node.arguments:
+            arguments = [known[a] for a in node.arguments]
+            if node.operation in {"sqrt", "pow"}:
+                # On a surface the argument of a root may be negative by rounding.
+                inner = arguments[0]
+                arguments[0] = where((inner <= 0.0) & (inner > -ROUNDING), 0.0, inner)
+            known[node] = applied(out, node.operation, arguments, STATEFUL)
+    return [known[e] for e in expressions]
 
 
 def _write_step(
-    out: Instructions, series: Series, parameters: int, counts: Sequence[bool], sliding: bool | None, tolerance: float
+    out: Instructions, series: Series, counts: Sequence[bool], sliding: bool | None, tolerance: float
 ) -> None:
     """Write the function that takes one step with the lanes that slide, with those that do not, or (None) with all."""
     size, count = len(series.trace.states), len(counts)
     length, errors = series.order + 1, size + 1 + 2 * count
     local = (size + count) * length
-    once = {**parameter_scope(out, parameters), "end": Value("%end"), "rate": Value("%rate")}
-    translate(out, series.at_order(CONSTANT, 0, of_lanes=False), once)
-    rows = [*(f"s{j}_0" for j in range(size)), "t0", *(f"g{e}" for e in range(count)), *(f"u{e}" for e in range(count))]
-    rows += [*(f"sum{j}" for j in range(size)), *(f"begun{e}" for e in range(count))]
+    end, rate = out.argument("%end"), out.argument("%rate")
+    series.write(CONSTANT, 0, of_lanes=False)
     with out.loop_over_lanes("%used") as lane:
         address = functools.partial(_place, out, lane)
-        scope: Scope = {**once}
-        scope |= {name: out.load(address("%lanes", row), vector=True) for row, name in enumerate(rows)}
-        mine = "t0 < end"
+        rows = iter([out.load(address("%lanes", row), vector=True) for row in range(errors + size + count)])
+        states, (begin,), signs, slides, sums, begun = (
+            [next(rows) for _ in range(number_of_rows)] for number_of_rows in (size, 1, count, count, size, count)
+        )
+        mine = begin < end
         if sliding is not None:
-            mine += f" and {' + '.join(f'u{e}' for e in range(count))} {'>' if sliding else '=='} 0.0"
-        translate(out, [f"mine = {mine}"], scope)
-        out.write(f"br i1 {out.over_lanes('or', scope['mine'])}, label %moving, label %lane.end")
+            held = total(slides)
+            mine = mine & (held > 0.0 if sliding else held.equals(0.0))
+        out.write(f"br i1 {out.over_lanes('or', mine)}, label %moving, label %lane.end")
         out.label("moving")
-        translate(out, _lane_step(series, size, counts, tolerance), scope)
+        series.states, series.modes = [[x] for x in states], {"sign": signs, "slide": slides}
+        step = _lane_step(series, counts, tolerance, _Lane(begin, end, rate, sums, begun))
 
-        def store(base: str, row: int, name: str) -> None:
+        def store(base: str, row: int, value: Value) -> None:
             place = address(base, row)
             kept = out.load(place, vector=True)
-            out.store(out.select(scope["mine"], out.as_vector(scope[name]), kept), place)
+            out.store(out.select(mine, out.as_vector(value), kept), place)
 
         for j in range(size):
-            store("%lanes", j, f"y{j}")
-            store("%lanes", errors + j, f"sum{j}")
-            store("%series", local + j, f"e{j}")
+            store("%lanes", j, step.after[j])
+            store("%lanes", errors + j, step.sums[j])
+            store("%series", local + j, step.errors[j])
             for k in range(length):
-                store("%series", j * length + k, f"s{j}_{k}")
-        store("%lanes", size, "t1")
+                store("%series", j * length + k, series.states[j][k])
+        store("%lanes", size, step.time)
         for e in range(count):
             for k in range(length):
-                store("%series", (size + e) * length + k, f"event{e}_{k}")
-        for row, name in enumerate(("h", "t0", "flag", *(f"gap{e}" for e in range(count))), local + size):
-            store("%series", row, name)
+                store("%series", (size + e) * length + k, step.events[e][k])
+        for row, value in enumerate((series.clock[1], begin, step.flag, *step.gaps), local + size):
+            store("%series", row, value)
 
 
-def _shortened(series: Series, size: int, tolerance: float) -> Iterable[str]:
-    """Write by which part a step is shortened whose own error is large, and the coefficients of that part.
+@dataclass
+class _Lane:
+    """What a step of a lane begins with, besides its state and mode."""
+
+    begin: Value
+    end: Value
+    rate: Value
+    sums: Values
+    begun: Values
+
+
+@dataclass
+class _Stepped:
+    """What a step of a lane ends with."""
+
+    after: Values
+    errors: Values
+    sums: Values
+    time: Value
+    events: Sequence[Values]
+    gaps: Values
+    flag: Value
+
+
+def _part(series: Series, events: Sequence[Values], rate: Value, tolerance: float) -> Value:
+    """Write by which part a step is shortened whose own error is large.
 
     A trial step, at a negative rate, is not.
     """
-    order = series.order
-    ends = [(f"s{j}_0", series.local_error(j)) for j in range(size)]
-    bent = [e for e, event in enumerate(series.extra) if not is_affine(series, event)]
-    ends += [(f"event{e}_0", f"abs(event{e}_{order}) + 0.5 * abs(event{e}_{order - 1})") for e in bent]
-    yield "allowed = 1e300"
-    for first, last in ends:
-        yield f"own = {_OF_ONE_STEP * tolerance!r} * (1.0 + abs({first})) / ({last} + 1e-300)"
-        yield "allowed = own if own < allowed else allowed"
+    order, allowed = series.order, number(1e300)
+    bent = [e for e, event in enumerate(series.extra) if not is_affine(series.structure, event)]
+    for coefficients in (*series.states, *(events[e] for e in bent)):
+        first = _OF_ONE_STEP * tolerance * (1.0 + abs(coefficients[0]))
+        own = first / (abs(coefficients[order]) + 0.5 * abs(coefficients[order - 1]) + 1e-300)
+        allowed = where(own < allowed, own, allowed)
     # The root that the estimate asks for, to a part in a hundred: its exponent in binary digits, by square roots.
-    yield "root0 = simd_math.fmin(allowed, 1.0)"
-    yield from (f"root{k} = math.sqrt(root{k - 1})" for k in range(1, _DIGITS + 1))
+    roots = [simd_math.fmin(allowed, number(1.0))]
+    for _ in range(_DIGITS):
+        roots.append(simd_math.sqrt(roots[-1]))
     digits = round(2**_DIGITS / (order - 1))
-    yield f"part = {' * '.join(f'root{k}' for k in range(1, _DIGITS + 1) if digits >> (_DIGITS - k) & 1)}"
-    yield "part = 1.0 if rate < 0.0 else part"
-    if singular := series.begins_at_a_root():
-        yield f"part = {_FIRST!r} if {singular} else part"
-    yield "part0 = 1.0"
-    yield from (f"part{k} = part{k - 1} * part" for k in range(1, order + 1))
-    yield from (f"s{j}_{k} = s{j}_{k} * part{k}" for j in range(size) for k in range(1, order + 1))
-    yield from (f"event{e}_{k} = event{e}_{k} * part{k}" for e in range(len(series.extra)) for k in range(1, order + 1))
-    yield "h = h * part"
+    factors = [roots[k] for k in range(1, _DIGITS + 1) if digits >> (_DIGITS - k) & 1]
+    part = functools.reduce(operator.mul, factors)
+    part = where(rate < 0.0, 1.0, part)
+    singular = series.leaves_a_root()
+    return part if singular is None else where(singular, _FIRST, part)
 
 
-def _lane_step(series: Series, size: int, counts: Sequence[bool], tolerance: float) -> Iterable[str]:
+def _lane_step(series: Series, counts: Sequence[bool], tolerance: float, lane: _Lane) -> _Stepped:
     """Write one step of one lane."""
-    order, length, count = series.order, series.order + 1, len(counts)
+    out, order = series.out, series.order
+    begin, end, structure = lane.begin, lane.end, series.structure
     # What is left is cut into equal steps, so that none of them is a sliver.
-    yield "left = simd_math.fmax(math.ceil((end - t0) * rate - 1e-6), 1.0)"
-    yield "h = (end - t0) / left"
-    yield from (f"h{k} = h * {1.0 / k!r}" for k in range(1, order + 1))
-    yield from series.at_order(CONSTANT, 0, of_lanes=True)
+    left = simd_math.fmax(out.intrinsic("ceil", (end - begin) * lane.rate - 1e-6), number(1.0))
+    h = (end - begin) / left
+    series.start_step(begin, h, [h * (1.0 / k) for k in range(1, order + 1)])
+    series.write(CONSTANT, 0, of_lanes=True)
     for k in range(order):
-        yield from series.at_order(STATEFUL, k)
-        yield from series.next_of_states(k)
-    yield from series.at_order(STATEFUL, order, only=series.extra)
-    for e, event in enumerate(series.extra):
-        yield from (f"event{e}_{k} = {series.name(event, k) or '0.0'}" for k in range(length))
-    yield from _shortened(series, size, tolerance)
-    hidden = [e for e, event in enumerate(series.extra) if hides(series, event)]
-    yield from elsewhere(series)
-    for j in range(size):
-        yield f"y{j} = s{j}_0 + {series.change(j)}"
-        yield f"e{j} = {series.local_error(j)}"
-        if hides(series, series.trace.outputs[j]):
-            yield f"e{j} = defect{j} if defect{j} > e{j} and defect{j} < 1e300 else e{j}"
-    yield "t1 = t0 + h if left > 1.0 or part < 1.0 else end"
-    for e in range(count):
+        series.write(STATEFUL, k)
+        series.advance_states(k)
+    series.write(STATEFUL, order, only=series.extra)
+    events = [[series.at(event, k) or out.number(0.0) for k in range(order + 1)] for event in series.extra]
+    part = _part(series, events, lane.rate, tolerance)
+    powers = list(itertools.accumulate([part] * order, operator.mul, initial=number(1.0)))
+    for coefficients in (*series.states, *events):
+        coefficients[1:] = [c * power for c, power in zip(coefficients[1:], powers[1:], strict=True)]
+    h = h * part
+    series.clock = (begin, h)
+    defects, gaps = elsewhere(series, events)
+    after, errors = [], []
+    for j, state in enumerate(series.states):
+        after.append(state[0] + series.change(j))
+        error = series.local_error(j)
+        if j in defects:
+            error = where((defects[j] > error) & (defects[j] < 1e300), defects[j], error)
+        errors.append(error)
+    time = where((left > 1.0) | (part < 1.0), begin + h, end)
+    quiet, sizes = [], []
+    for e, counted in enumerate(counts):
         # Smallest value of the first three terms in the step (or largest size of it), less all the others.
-        yield f"a{e} = event{e}_0; b{e} = event{e}_1; c{e} = event{e}_2"
-        yield f"rest{e} = {' + '.join(f'abs(event{e}_{k})' for k in range(3, length))}"
-        if counts[e]:
-            yield f"ends{e} = simd_math.fmax(abs(a{e}), abs(a{e} + b{e} + c{e}))"
-            turning = f"b{e} * c{e} < 0.0 and abs(b{e}) < 2.0 * abs(c{e})"
-            yield f"top{e} = abs(a{e} - 0.25 * b{e} * b{e} / c{e}) if {turning} else 0.0"
-            yield f"quiet{e} = 0.5 - simd_math.fmax(ends{e}, top{e}) - rest{e} - gap{e}"
-            continue
-        yield f"ends{e} = simd_math.fmin(a{e}, a{e} + b{e} + c{e})"
-        yield f"bottom{e} = a{e} - 0.25 * b{e} * b{e} / c{e} if -b{e} < 2.0 * c{e} else ends{e}"
-        yield f"quiet{e} = (bottom{e} if b{e} < 0.0 else ends{e}) - rest{e} - gap{e}"
+        a, b, c = events[e][:3]
+        rest = total(abs(term) for term in events[e][3:])
+        if counted:
+            ends = simd_math.fmax(abs(a), abs(a + b + c))
+            turning = (b * c < 0.0) & (abs(b) < 2.0 * abs(c))
+            top = where(turning, abs(a - 0.25 * b * b / c), 0.0)
+            quiet.append(0.5 - simd_math.fmax(ends, top) - rest - gaps[e])
+        else:
+            ends = simd_math.fmin(a, a + b + c)
+            bottom = where(-b < 2.0 * c, a - 0.25 * b * b / c, ends)
+            quiet.append(where(b < 0.0, bottom, ends) - rest - gaps[e])
+        sizes.append((a, b, c, rest))
     # Where an event may lie that its series does not show, what is not seen of it counts as an error of the states.
-    for e in hidden:
-        size_of = f"abs(a{e}) + abs(b{e}) + abs(c{e}) + rest{e}"
-        yield f"unseen{e} = gap{e} / ({size_of}) if quiet{e} <= 0.0 and gap{e} > 0.0 else 0.0"
-        yield from (f"e{j} = e{j} + unseen{e} * (abs(s{j}_1) + abs(s{j}_2))" for j in range(size))
-    yield from (f"sum{j} = sum{j} + e{j}" for j in range(size))
-    yield "quiet = " + functools.reduce(lambda a, b: f"simd_math.fmin({a}, {b})", (f"quiet{e}" for e in range(count)))
+    for e, (a, b, c, rest) in enumerate(sizes):
+        if hides(structure, series.extra[e]):
+            may_be = (quiet[e] <= 0.0) & (gaps[e] > 0.0)
+            unseen = where(may_be, gaps[e] / (abs(a) + abs(b) + abs(c) + rest), 0.0)
+            for j, state in enumerate(series.states):
+                errors[j] = errors[j] + unseen * (abs(state[1]) + abs(state[2]))
+    sums = [s + error for s, error in zip(lane.sums, errors, strict=True)]
+    least = functools.reduce(simd_math.fmin, quiet)
     # A lane whose mode has just begun is looked at in any case, which ends its beginning; so is one at a blow-up.
-    begun = " + ".join(f"begun{e}" for e in range(count))
-    yield f"flag = 0.0 if quiet > 0.0 and {begun} == 0.0 and t1 > t0 else 1.0"
+    fine = functools.reduce(operator.and_, [least > 0.0, total(lane.begun).equals(0.0), time > begin])
+    return _Stepped(after, errors, sums, time, events, gaps, where(fine, 0.0, 1.0))

@@ -8,71 +8,106 @@ everything that depends on time alone is computed once for all lanes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+import functools
+import operator
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Any
 
-from .emit import assignment, dot, in_chains, input_name, library
+from .emit import applied, called
 from .evaluation import ROUNDING
-from .expression import ANALYTIC, Expression, in_order
-from .lanes import StepCode
-from .resolution import Scale, as_error, largest, layers, limited
+from .expression import Expression, has_series, in_order
+from .functions import TABLE
+from .instructions import Instructions, Value, dot, in_chains, total, value_of, where
+from .period import PerLane, PerStep, Step, Values
+from .resolution import Scale, as_error, layers, limited
 from .trace import CONSTANT, STATEFUL, TIMED, Trace
 
-MODES: dict[str, Callable[[int], str]] = {"sign": lambda i: f"g{i}", "slide": lambda i: f"u{i}"}
+MODES = ("sign", "slide")
 _PAIRS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
-
-
+_SIGNS = {"sin": (1.0, -1.0), "cos": (-1.0, 1.0), "sinh": (1.0, 1.0), "cosh": (1.0, 1.0)}
 _RATIONAL = frozenset({"add", "sub", "mul", "div", "neg", "sqrt"})
 
+Coefficient = Value | None
+"""One of a series, None where it vanishes."""
 
-def taylor_steps(trace: Trace, order: int) -> StepCode:
-    """Write one step of the Taylor method of the given order for a traced, analytic right-hand side.
+
+def taylor_steps(trace: Trace, order: int) -> Step:
+    """Return one step of the Taylor method of the given order for a traced, analytic right-hand side.
 
     States that rest have no series.  Of the nodes that depend on no other state, those with such a number belong to
     the lane, the others to all.
     """
     resting = trace.resting
     trace = trace.with_resting_inputs()
-    series = Series(trace, order)
-    levels = series.levels
-    for node in in_order(trace.outputs):
-        if node in series.modal and node.arguments:
+    structure = Structure(trace)
+    levels = structure.levels
+    for node in structure.nodes:
+        if node in structure.modal:
             moving = levels[node] == TIMED or any(levels[a] == STATEFUL for a in node.arguments)
             if moving or node.operation not in _RATIONAL:
                 levels[node] = STATEFUL
     moving_states = [j for j in range(len(trace.states)) if j not in resting]
-    once = series.at_order(CONSTANT, 0, of_lanes=False)
-    per_step = ["t0 = t", *(f"h{k} = h / {k}.0" for k in range(1, order + 1))]
-    per_lane = [f"s{j}_0 = x{j}" for j in moving_states]
-    per_lane += [f"g{j} = x{j}; y{j} = x{j}; e{j} = 0.0" for j in resting]
-    per_lane += series.at_order(CONSTANT, 0, of_lanes=True)
-    for k in range(order):
-        per_step += series.at_order(TIMED, k)
-        per_lane += [*series.at_order(STATEFUL, k), *series.next_of_states(k, moving_states)]
-    for j in moving_states:
-        per_lane += [f"y{j} = x{j} + {series.change(j)}", f"e{j} = {series.local_error(j)}"]
-    sharp = []
-    for number, (argument, scale) in enumerate(layers(trace.outputs, levels)):
-        (per_step if levels[argument] == TIMED else per_lane).extend(series.excess(str(number), argument, scale))
-        sharp.append(f"sharp{number}")
-    per_lane += as_error(largest(sharp), f"e{moving_states[0]}") if sharp else ()
-    return StepCode(tuple(once), tuple(per_step), tuple(per_lane))
+    arguments = layers(trace.outputs, levels)
+
+    def step(out: Instructions, p: Values) -> PerStep:
+        series = Series(structure, order, out, p)
+        series.write(CONSTANT, 0, of_lanes=False)
+
+        def per_step(t: Value, h: Value) -> PerLane:
+            series.start_step(t, h, [h / float(k) for k in range(1, order + 1)])
+            for k in range(order):
+                series.write(TIMED, k)
+            sharp = {a: series.excess(a, scale) for a, scale in arguments if levels[a] == TIMED}
+
+            def per_lane(x: Values) -> tuple[Values, Values]:
+                series.states = [[state] for state in x]
+                series.modes["sign"] = dict(enumerate(x))
+                series.write(CONSTANT, 0, of_lanes=True)
+                for k in range(order):
+                    series.write(STATEFUL, k)
+                    series.advance_states(k, moving_states)
+                after, errors = list(x), [value_of(0.0)] * len(x)
+                for j in moving_states:
+                    after[j] = x[j] + series.change(j)
+                    errors[j] = series.local_error(j)
+                factors = [sharp[a] if a in sharp else series.excess(a, scale) for a, scale in arguments]
+                if factors:
+                    errors[moving_states[0]] = as_error(factors, errors[moving_states[0]])
+                return after, errors
+
+            return per_lane
+
+        return per_step
+
+    return step
 
 
-class Series:
-    """Names and recurrences of the coefficients of every node.
+class Structure:
+    """What the expressions of a step depend on, in the order in which they are expanded.
 
     ``extra`` expressions are expanded besides those of the trace.  With ``one_clock`` all lanes share the time.
     """
 
-    def __init__(self, trace: Trace, order: int, extra: tuple[Expression, ...] = (), one_clock: bool = True) -> None:
-        self.trace, self.order, self.extra = trace, order, extra
-        self.levels = replace(trace, outputs=(*trace.outputs, *extra)).levels()
+    def __init__(self, trace: Trace, extra: tuple[Expression, ...] = (), one_clock: bool = True) -> None:
+        self.trace, self.extra = trace, extra
+        # Of functions without a recurrence of their own, the derivative is expanded too.
+        self.slopes: dict[Expression, Expression] = {}
+        ordered = in_order((*trace.outputs, *extra))
+        met, moving = set(ordered), set[Expression]()
+        for node in ordered:  # which grows
+            if node.operation not in {"state", "time"} and moving.isdisjoint(node.arguments):
+                continue
+            moving.add(node)
+            known = TABLE.get(node.operation)
+            if known is not None and known.slope is not None and not hasattr(Series, f"_{node.operation}"):
+                self.slopes[node] = known.slope(node.arguments[0], node)
+                ordered += [e for e in in_order([self.slopes[node]]) if e not in met]
+                met.update(ordered)
+        self.levels = replace(trace, outputs=tuple(ordered)).levels()
         if not one_clock:
             self.levels = {n: STATEFUL if level == TIMED else level for n, level in self.levels.items()}
-        ordered = in_order((*trace.outputs, *extra))
         self.nodes = [n for n in ordered if n.arguments]
-        self.numbers = {n: i for i, n in enumerate(self.nodes)}
         # At the border of their domain steps may begin where a mode does.
         self.roots = {n for n in self.nodes if n.operation in {"sqrt", "pow"} and self.levels[n] and not one_clock}
         self.modal: set[Expression] = set()
@@ -80,222 +115,268 @@ class Series:
             if node.operation in MODES or not self.modal.isdisjoint(node.arguments):
                 self.modal.add(node)
 
-    def name(self, node: Expression, k: int) -> str:
-        """Name of coefficient k of a node; empty where it vanishes."""
-        if node.operation == "time":
-            return ("t0", "h")[k] if k < 2 else ""
-        if k and self.levels.get(node, CONSTANT) == CONSTANT:
-            return ""
-        inputs = {"state": lambda i: f"s{i}_{k}", "parameter": lambda i: f"p{i}", **MODES}
-        return input_name(node, inputs) or f"v{self.numbers[node]}_{k}"
+    def moves(self, node: Expression) -> bool:
+        """Whether an expression depends on state or time."""
+        return self.levels.get(node, CONSTANT) != CONSTANT
 
-    def at_order(
+
+class Series:
+    """Coefficients of every expression of a structure, as far as they are written in a function."""
+
+    def __init__(self, structure: Structure, order: int, out: Instructions, p: Values) -> None:
+        self.structure, self.order, self.out, self.p = structure, order, out, p
+        self.trace, self.extra, self.levels = structure.trace, structure.extra, structure.levels
+        self.states: list[list[Value]] = []
+        self.modes: dict[str, Any] = {}
+        self.clock: Values = ()
+        self._fractions: Values = ()
+        self._known: dict[Expression, list[Value]] = {}
+        self._partners: dict[Expression, list[Value]] = {}
+        self._weights: dict[Expression, list[Coefficient]] = {}
+        self._reciprocals: dict[Expression, Value] = {}
+        self._bases: dict[Expression, Value] = {}
+
+    def start_step(self, t: Value, h: Value, fractions: Values) -> None:
+        """Begin a step at a time, of a size, given with 1/k of it for k = 1, 2, ...."""
+        self.clock, self._fractions = (t, h), fractions
+
+    def at(self, node: Expression, k: int) -> Coefficient:
+        """Return coefficient k of a node."""
+        if node.operation == "time":
+            return self.clock[k] if k < 2 else None
+        if k and not self.structure.moves(node):
+            return None
+        if node.operation == "state":
+            return self.states[node.value][k]
+        if node.operation == "constant":
+            return self.out.number(node.value)
+        if node.operation == "parameter":
+            return self.p[node.value]
+        if node.operation in MODES:
+            mode: Value = self.modes[node.operation][node.value]
+            return mode
+        return self._known[node][k]
+
+    def first(self, node: Expression) -> Value:
+        """Return the value of a node at the beginning of the step."""
+        value = self.at(node, 0)
+        assert value is not None, "it is a number"
+        return value
+
+    def write(
         self, level: int, k: int, of_lanes: bool | None = None, only: tuple[Expression, ...] | None = None
-    ) -> list[str]:
-        """Statements for coefficient k of all nodes of one level, or of those that some expressions need.
+    ) -> None:
+        """Write coefficient k of all nodes of one level, or of those that some expressions need.
 
         Constants differ from lane to lane where they depend on the mode; `of_lanes` chooses these or the others.
         """
-        wanted = self.numbers.keys() if only is None else set(in_order(only))
-        lines: list[str] = []
-        for node in self.nodes:
-            if self.levels[node] == level and node in wanted and of_lanes in (None, node in self.modal):
-                lines += self._statements(node, k, level)
-        return lines
+        structure = self.structure
+        wanted = None if only is None else set(in_order(only))
+        for node in structure.nodes:
+            chosen = (wanted is None or node in wanted) and of_lanes in (None, node in structure.modal)
+            if chosen and self.levels[node] == level:
+                self._write(node, k, level)
 
-    def next_of_states(self, k: int, numbers: Iterable[int] | None = None) -> list[str]:
-        """Statements for coefficient k + 1 of all states, or of some, from coefficient k of their derivatives."""
-        chosen = range(len(self.trace.outputs)) if numbers is None else numbers
-        terms = [(j, self.name(self.trace.outputs[j], k)) for j in chosen]
-        return [f"s{j}_{k + 1} = h{k + 1} * {term}" if term else f"s{j}_{k + 1} = 0.0" for j, term in terms]
+    def advance_states(self, k: int, numbers: Iterable[int] | None = None) -> None:
+        """Write coefficient k + 1 of all states, or of some, from coefficient k of their derivatives."""
+        outputs = self.trace.outputs
+        for j in range(len(outputs)) if numbers is None else numbers:
+            term = self.at(outputs[j], k)
+            self.states[j].append(self.out.number(0.0) if term is None else self._fractions[k] * term)
 
-    def change(self, j: int) -> str:
-        """Sum of the series of a state without its first term: what a step adds."""
-        return f"({' + '.join(f's{j}_{k}' for k in range(self.order, 0, -1))})"
+    def change(self, j: int) -> Value:
+        """Return the sum of the series of a state without its first term: what a step adds."""
+        return total(self.states[j][:0:-1])
 
-    def local_error(self, j: int) -> str:
-        """Estimate of the error of a step in a state."""
-        return f"abs(s{j}_{self.order}) + 0.5 * abs(s{j}_{self.order - 1})"
+    def local_error(self, j: int) -> Value:
+        """Return the estimate of the error of a step in a state."""
+        return abs(self.states[j][self.order]) + 0.5 * abs(self.states[j][self.order - 1])
 
-    def excess(self, number: str, argument: Expression, scale: Scale) -> Iterator[str]:
+    def excess(self, argument: Expression, scale: Scale) -> Value:
         """Write by what factor a step is too long for a function whose layer its argument may pass."""
-        first, terms = self.name(argument, 0), [self.name(argument, k) for k in range(1, self.order)]
-        moved = " + ".join(f"abs({term})" for term in terms if term) or "0.0"
-        return limited(number, moved, first, first, scale)
 
-    def _statements(self, node: Expression, k: int, level: int) -> list[str]:
-        target, number = self.name(node, k), self.numbers[node]
-        if node.operation in _PAIRS:
-            return self._pair(node, k, level)
-        if node.operation in {"tan", "tanh"}:
-            return self._tangent(node, k, level)
-        if node.operation == "atan":
-            return self._arc_tangent(node, k, level)
-        if k == 0 and node in self.roots:
-            return self._root(node, level)
-        if k == 0 and node.operation in {"exp", "log", "sqrt"}:
-            argument = self.name(node.arguments[0], 0)
-            lines = [f"{target} = {library(node.operation, level)}({argument})"]
-            if node.operation == "log":
-                lines.append(f"r{number} = 1.0 / {argument}")
-            if node.operation == "sqrt":
-                lines.append(f"r{number} = 0.5 / {target}")
-            return lines
-        if k == 0 and node.operation == "pow":
-            base, exponent = (self.name(a, 0) for a in node.arguments)
-            return [f"{target} = {base} ** {exponent}", f"r{number} = 1.0 / {base}"]
-        if level == CONSTANT and node.operation not in ANALYTIC:
-            return [assignment(node, lambda a: self.name(a, 0), level)]
-        rule: Callable[[Expression, int], str] = getattr(self, "_" + node.operation)
-        lines = [f"r{number} = 1.0 / {self.name(node.arguments[1], 0)}"] if node.operation == "div" and k == 0 else []
-        return [*lines, f"{target} = {rule(node, k) or '0.0'}"]
+        def moved() -> Value:
+            terms = [term for k in range(1, self.order) if (term := self.at(argument, k)) is not None]
+            return total(abs(term) for term in terms) if terms else self.out.number(0.0)
 
-    def _root(self, node: Expression, level: int) -> list[str]:
-        """Value of a root, or power; where its argument is zero it has no series, and none of its terms count."""
-        target, number = self.name(node, 0), self.numbers[node]
-        argument, base = self.name(node.arguments[0], 0), f"b{number}"
-        lines = [f"{base} = 0.0 if {argument} <= 0.0 and {argument} > {-ROUNDING!r} else {argument}"]
-        if node.operation == "sqrt":
-            lines += [f"{target} = {library('sqrt', level)}({base})", f"r{number} = 0.5 / {target}"]
-        else:
-            lines += [f"{target} = {base} ** {self.name(node.arguments[1], 0)}", f"r{number} = 1.0 / {base}"]
-        return [*lines, f"r{number} = 0.0 if {base} == 0.0 else r{number}"]
+        return limited([self.first(argument)], moved, scale)
 
-    def begins_at_a_root(self) -> str:
-        """Condition that the argument of a root, or power, leaves zero; empty where there is none."""
-        moving = [n for n in self.roots if self.name(n.arguments[0], 1)]
-        return " or ".join(f"b{self.numbers[n]} == 0.0 and {self.name(n.arguments[0], 1)} != 0.0" for n in moving)
+    def leaves_a_root(self) -> Value | None:
+        """Return the condition that the argument of a root, or power, leaves zero; None where there is none."""
+        roots = [node for node in self.structure.nodes if node in self.structure.roots]
+        moving = [(node, term) for node in roots if (term := self.at(node.arguments[0], 1)) is not None]
+        leave = [self._bases[node].equals(0.0) & term.differs(0.0) for node, term in moving]
+        return functools.reduce(operator.or_, leave) if leave else None
 
-    # Rules: text of coefficient k; empty where it vanishes.
+    def _write(self, node: Expression, k: int, level: int) -> None:
+        """Write coefficient k of a node."""
+        known = self._known.setdefault(node, [])
+        del known[k:]
+        operation = node.operation
+        if k == 0 and operation not in {"add", "sub", "mul", "neg", "select"}:
+            known.append(self._value(node, level))
+            return
+        rule: Callable[[Expression, int], Coefficient] = getattr(self, f"_{operation}", self._by_slope)
+        found = rule(node, k)
+        known.append(self.out.number(0.0) if found is None else found)
+        partner = self._partners.get(node)
+        if partner is not None and operation in {"tan", "tanh"}:
+            square = self._square(node, k)
+            assert square is not None, "its terms do not vanish"
+            partner.append(square if operation == "tan" else -square)
 
-    def _add(self, node: Expression, k: int) -> str:
-        return " + ".join(filter(None, (self.name(a, k) for a in node.arguments)))
+    def _value(self, node: Expression, level: int) -> Value:
+        """Write the value of a function, and what its recurrence needs."""
+        operation, u = node.operation, self.first(node.arguments[0])
+        arguments = [self.first(a) for a in node.arguments]
+        if operation == "div":
+            self._reciprocals[node] = 1.0 / arguments[1]
+            return u * self._reciprocals[node]
+        if level == CONSTANT and not has_series(operation):
+            return applied(self.out, operation, arguments, level)
+        is_root = node in self.structure.roots
+        if is_root:
+            # Where its argument is zero it has no series, and none of its terms count.
+            u = where((u <= 0.0) & (u > -ROUNDING), 0.0, u)
+            self._bases[node] = arguments[0] = u
+        value = called(self.out, operation, arguments, level)
+        if operation in _PAIRS:
+            self._partners[node] = [called(self.out, _PAIRS[operation], arguments, level)]
+        elif operation in {"tan", "tanh"}:
+            square = value * value
+            self._partners[node] = [1.0 + square if operation == "tan" else 1.0 - square]
+        elif operation == "atan":
+            self._partners[node] = [1.0 + u * u]
+            self._reciprocals[node] = 1.0 / self._partners[node][0]
+        elif operation in {"log", "pow"}:
+            self._reciprocals[node] = 1.0 / u
+        elif operation == "sqrt":
+            self._reciprocals[node] = 0.5 / value
+        if is_root:
+            self._reciprocals[node] = where(u.equals(0.0), 0.0, self._reciprocals[node])
+        return value
 
-    def _sub(self, node: Expression, k: int) -> str:
-        left, right = (self.name(a, k) for a in node.arguments)
-        return f"{left} - {right}" if left and right else left or (f"-{right}" if right else "")
+    # Rules for coefficient k: None where it vanishes.
 
-    def _neg(self, node: Expression, k: int) -> str:
-        term = self.name(node.arguments[0], k)
-        return f"-{term}" if term else ""
+    def _add(self, node: Expression, k: int) -> Coefficient:
+        terms = [term for term in (self.at(a, k) for a in node.arguments) if term is not None]
+        return total(terms) if terms else None
 
-    def _select(self, node: Expression, k: int) -> str:
-        above, below = (self.name(a, k) for a in node.arguments[1:])
-        sign = self.name(node.arguments[0], 0)
-        return f"{above or '0.0'} if {sign} > 0.0 else {below or '0.0'}" if above or below else ""
+    def _sub(self, node: Expression, k: int) -> Coefficient:
+        left, right = (self.at(a, k) for a in node.arguments)
+        if right is None:
+            return left
+        return -right if left is None else left - right
 
-    def _mul(self, node: Expression, k: int) -> str:
+    def _neg(self, node: Expression, k: int) -> Coefficient:
+        term = self.at(node.arguments[0], k)
+        return None if term is None else -term
+
+    def _select(self, node: Expression, k: int) -> Coefficient:
+        above, below = (self.at(a, k) for a in node.arguments[1:])
+        if above is None and below is None:
+            return None
+        sides = (value_of(0.0) if side is None else side for side in (above, below))
+        return where(self.first(node.arguments[0]) > 0.0, *sides)
+
+    def _mul(self, node: Expression, k: int) -> Coefficient:
         a, b = node.arguments
         return self._square(a, k) if a is b else self._convolution(a, b, 0, k, k)
 
-    def _square(self, a: Expression, k: int) -> str:
-        pairs = [(self.name(a, i), self.name(a, k - i)) for i in range((k + 1) // 2)]
-        terms = dot((x, y) for x, y in pairs if x and y)
-        text = f"2.0 * ({terms})" if terms else ""
-        middle = self.name(a, k // 2) if k % 2 == 0 else ""
-        return " + ".join(filter(None, (f"{middle} * {middle}" if middle else "", text)))
+    def _square(self, a: Expression, k: int) -> Coefficient:
+        middle = self.at(a, k // 2) if k % 2 == 0 else None
+        own = None if middle is None else middle * middle
+        others = self._convolution(a, a, 0, (k + 1) // 2 - 1, k)
+        if others is None:
+            return own
+        twice = 2.0 * others
+        return twice if own is None else own + twice
 
-    def _convolution(self, a: Expression, b: Expression, first: int, last: int, k: int) -> str:
+    def _convolution(self, a: Expression, b: Expression, first: int, last: int, k: int) -> Coefficient:
         """Sum of a_i b_(k-i) over i from first to last."""
-        pairs = [(self.name(a, i), self.name(b, k - i)) for i in range(first, last + 1)]
-        return dot((x, y) for x, y in pairs if x and y)
+        pairs = ((self.at(a, i), self.at(b, k - i)) for i in range(first, last + 1))
+        return dot([(x, y) for x, y in pairs if x is not None and y is not None])
 
-    def _weighted(self, a: Expression, b: Expression, last: int, k: int) -> str:
+    def _weighted(self, a: Expression, b: Expression, last: int, k: int) -> Coefficient:
         """Sum of i a_i b_(k-i) over i from 1 to last: the convolution of the derivative of a with b."""
-        pairs = [(i, self.name(a, i), self.name(b, k - i)) for i in range(1, last + 1)]
-        return in_chains(f"{i}.0 * {x} * {y}" if i > 1 else f"{x} * {y}" for i, x, y in pairs if x and y)
+        triples = ((i, self.at(a, i), self.at(b, k - i)) for i in range(1, last + 1))
+        found = [(i, x, y) for i, x, y in triples if x is not None and y is not None]
+        return in_chains(found, lambda term: (term[0] * term[1] if term[0] > 1 else term[1]) * term[2])
 
-    def _div(self, node: Expression, k: int) -> str:
+    def _quotient(self, node: Expression, left: Coefficient, known: Coefficient) -> Coefficient:
+        """Return what is left without what is known, times the reciprocal of a node."""
+        if left is None and known is None:
+            return None
+        rest = value_of(0.0) if left is None else left
+        return (rest if known is None else rest - known) * self._reciprocals[node]
+
+    def _div(self, node: Expression, k: int) -> Coefficient:
         a, b = node.arguments
-        known = self._convolution(b, node, 1, k, k)
-        left = self.name(a, k)
-        if not left and not known:
-            return ""
-        return f"({left or '0.0'}{f' - ({known})' if known else ''}) * r{self.numbers[node]}"
+        return self._quotient(node, self.at(a, k), self._convolution(b, node, 1, k, k))
 
-    def _exp(self, node: Expression, k: int) -> str:
-        terms = self._weighted(node.arguments[0], node, k, k)
-        return f"({terms}) * {1.0 / k!r}" if terms else ""
+    def _by_slope(self, node: Expression, k: int) -> Coefficient:
+        """The function f of u, from f' = f_u u': the derivative f_u has a series too."""
+        terms = self._weighted(node.arguments[0], self.structure.slopes[node], k, k)
+        return None if terms is None else terms * (1.0 / k)
 
-    def _log(self, node: Expression, k: int) -> str:
+    def _log(self, node: Expression, k: int) -> Coefficient:
         (a,) = node.arguments
         known = self._weighted(node, a, k - 1, k)
-        left = self.name(a, k)
-        if not left and not known:
-            return ""
-        return f"({left or '0.0'}{f' - ({known}) * {1.0 / k!r}' if known else ''}) * r{self.numbers[node]}"
+        return self._quotient(node, self.at(a, k), None if known is None else known * (1.0 / k))
 
-    def _sqrt(self, node: Expression, k: int) -> str:
-        left = self.name(node.arguments[0], k) or "0.0"
+    def _sqrt(self, node: Expression, k: int) -> Coefficient:
         known = self._convolution(node, node, 1, k - 1, k)
-        return f"({left}{f' - ({known})' if known else ''}) * r{self.numbers[node]}"
+        left = self.at(node.arguments[0], k)
+        return self._quotient(node, self.out.number(0.0) if left is None else left, known)
 
-    def _pow(self, node: Expression, k: int) -> str:
+    def _pow(self, node: Expression, k: int) -> Coefficient:
         base, exponent = node.arguments
-        if self.levels.get(exponent, CONSTANT) != CONSTANT:
+        if self.structure.moves(exponent):
             raise ValueError("a power with a varying exponent has no recurrence here")
-        e = self.name(exponent, 0)
-        pairs = [(i, self.name(base, i), self.name(node, k - i)) for i in range(1, k + 1)]
-        terms = in_chains(f"({e} * {i}.0 - {k - i}.0) * {x} * {y}" for i, x, y in pairs if x and y)
-        return f"({terms}) * r{self.numbers[node]} * {1.0 / k!r}" if terms else ""
+        e = self.first(exponent)
+        triples = ((i, self.at(base, i), self.at(node, k - i)) for i in range(1, k + 1))
+        found = [(i, x, y) for i, x, y in triples if x is not None and y is not None]
+        terms = in_chains(found, lambda term: (e * float(term[0]) - float(k - term[0])) * term[1] * term[2])
+        return None if terms is None else terms * self._reciprocals[node] * (1.0 / k)
 
-    def _pair(self, node: Expression, k: int, level: int) -> list[str]:
+    def _sin(self, node: Expression, k: int) -> Coefficient:
         """Sine with cosine, hyperbolic or not: each is the other's derivative up to a sign."""
-        (u,) = node.arguments
-        target, partner = self.name(node, k), f"w{self.numbers[node]}"
-        operation = node.operation
-        if k == 0:
-            value = self.name(u, 0)
-            return [
-                f"{target} = {library(operation, level)}({value})",
-                f"{partner}_0 = {library(_PAIRS[operation], level)}({value})",
-            ]
-        lines, factors = [], []
-        for i in range(1, k + 1):
-            if term := self.name(u, i):
-                weight = f"d{self.numbers[node]}_{i}"
-                if i == k:
-                    lines.append(f"{weight} = {i}.0 * {term}" if i > 1 else f"{weight} = {term}")
-                factors.append((weight, k - i))
-        own = dot((w, self.name(node, m)) for w, m in factors)
-        other = dot((w, f"{partner}_{m}") for w, m in factors)
-        signs = {"sin": ("", "-"), "cos": ("-", ""), "sinh": ("", ""), "cosh": ("", "")}[operation]
-        scale = repr(1.0 / k)
-        lines.append(f"{target} = {signs[0]}{scale} * ({other})" if other else f"{target} = 0.0")
-        lines.append(f"{partner}_{k} = {signs[1]}{scale} * ({own})" if own else f"{partner}_{k} = 0.0")
-        return lines
+        (u,), partner = node.arguments, self._partners[node]
+        weights = self._weights.setdefault(node, [])
+        del weights[k - 1 :]
+        term = self.at(u, k)
+        weights.append(term if term is None or k == 1 else float(k) * term)
+        factors = [(w, k - i) for i, w in enumerate(weights, 1) if w is not None]
+        del partner[k:]
+        of_own, of_partner = (sign * (1.0 / k) for sign in _SIGNS[node.operation])
+        other = dot([(w, partner[m]) for w, m in factors])
+        found = None if other is None else of_own * other
+        own = dot([(w, self._known[node][m]) for w, m in factors])
+        partner.append(self.out.number(0.0) if own is None else of_partner * own)
+        return found
 
-    def _tangent(self, node: Expression, k: int, level: int) -> list[str]:
+    _cos = _sinh = _cosh = _sin
+
+    def _tan(self, node: Expression, k: int) -> Coefficient:
         """Tangent y of u, hyperbolic or not: y' = (1 +- y^2) u'; the bracket is the partner."""
-        (u,) = node.arguments
-        target, partner = self.name(node, k), f"w{self.numbers[node]}"
-        sign = "+" if node.operation == "tan" else "-"
-        if k == 0:
-            return [
-                f"{target} = {library(node.operation, level)}({self.name(u, 0)})",
-                f"{partner}_0 = 1.0 {sign} {target} * {target}",
-            ]
-        pairs = [(i, self.name(u, i)) for i in range(1, k + 1)]
-        terms = in_chains(f"{i}.0 * {x} * {partner}_{k - i}" for i, x in pairs if x)
-        lines = [f"{target} = {1.0 / k!r} * ({terms})" if terms else f"{target} = 0.0"]
-        return [*lines, f"{partner}_{k} = {'' if sign == '+' else '-'}({self._square(node, k)})"]
+        partner = self._partners[node]
+        del partner[k:]
+        pairs = ((i, self.at(node.arguments[0], i)) for i in range(1, k + 1))
+        found = [(i, x) for i, x in pairs if x is not None]
+        terms = in_chains(found, lambda term: float(term[0]) * term[1] * partner[k - term[0]])
+        return None if terms is None else (1.0 / k) * terms
 
-    def _arc_tangent(self, node: Expression, k: int, level: int) -> list[str]:
+    _tanh = _tan
+
+    def _atan(self, node: Expression, k: int) -> Coefficient:
         """Arc tangent y of u: (1 + u^2) y' = u'; the bracket is the partner."""
-        (u,) = node.arguments
-        target, number = self.name(node, k), self.numbers[node]
-        partner = f"w{number}"
-        if k == 0:
-            value = self.name(u, 0)
-            return [
-                f"{target} = {library('atan', level)}({value})",
-                f"{partner}_0 = 1.0 + {value} * {value}",
-                f"r{number} = 1.0 / {partner}_0",
-            ]
-        pairs = [(i, self.name(node, i)) for i in range(1, k)]
-        known = in_chains(f"{i}.0 * {y} * {partner}_{k - i}" for i, y in pairs if y)
-        left = self.name(u, k) or "0.0"
-        return [
-            f"{partner}_{k} = {self._square(u, k) or '0.0'}",
-            f"{target} = ({left}{f' - ({known}) * {1.0 / k!r}' if known else ''}) * r{number}",
-        ]
+        (u,), partner = node.arguments, self._partners[node]
+        del partner[k:]
+        square = self._square(u, k)
+        partner.append(self.out.number(0.0) if square is None else square)
+        found = [(i, self._known[node][i]) for i in range(1, k)]
+        known = in_chains(found, lambda term: float(term[0]) * term[1] * partner[k - term[0]])
+        left = self.at(u, k)
+        return self._quotient(
+            node, self.out.number(0.0) if left is None else left, None if known is None else known * (1.0 / k)
+        )

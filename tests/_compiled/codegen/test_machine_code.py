@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import io
 import math
 import re
@@ -14,12 +15,9 @@ import pytest
 
 from cellmap._compiled import machine_code
 from cellmap._compiled.codegen.instructions import Instructions
-from cellmap._compiled.codegen.kernel import discrete_kernel, traced_function
+from cellmap._compiled.codegen.kernel import discrete_kernel, tangent_step, traced_function
 from cellmap._compiled.codegen.methods import choose_method
 from cellmap._compiled.codegen.period import period_text
-from cellmap._compiled.codegen.statements import translate
-from cellmap._compiled.for_numba import LOOP, numba
-from cellmap._compiled.kernels import simd_math
 from cellmap._compiled.kernels.blocks import LANES
 from cellmap._compiled.machine_code import assembly_for, object_code
 
@@ -40,19 +38,16 @@ def applied(function: Any, points: Any, parameters: tuple[float, ...] = ()) -> A
 
 
 @pytest.mark.parametrize("name", ["sin", "cos", "tan", "exp", "sinh", "cosh", "tanh", "atan"])
-def test_elementary_functions_are_those_of_their_source_to_the_bit(name: str) -> None:
-    function = getattr(simd_math, name)
-
-    @numba().njit(**LOOP)  # type: ignore[untyped-decorator]
-    def apply(values, results):  # type: ignore[no-untyped-def]
-        for i in range(values.size):
-            results[i] = function(values[i])
-
+def test_elementary_functions_are_the_same_in_vectors_and_alone_to_the_bit(name: str) -> None:
+    function = getattr(math, name)
     values = np.concatenate([np.random.default_rng(0).uniform(-30.0, 30.0, 1000), [0.0, -0.0, 1e9, 800.0, math.nan]])
-    expected = np.empty_like(values)
-    apply(values, expected)
-    found = applied(lambda x, p: (getattr(math, name)(x[0]),), values[:, None])[:, 0]
-    assert np.array_equal(found, expected, equal_nan=True)
+    alone = tangent_step(lambda t, x, p: (function(x[0]),), 1, ())
+    assert alone is not None
+    rows, none = np.stack([values, np.zeros_like(values)], axis=1), np.zeros(1)
+    step = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p)(alone.address("step"))
+    step(rows.ctypes.data, len(rows), none.ctypes.data)
+    found = applied(lambda x, p: (function(x[0]),), values[:, None])[:, 0]
+    assert np.array_equal(found, rows[:, 0], equal_nan=True)
 
 
 @pytest.mark.parametrize(
@@ -78,23 +73,16 @@ def test_functions_of_two_numbers() -> None:
 
 
 def test_the_worked_example_of_the_documentation() -> None:
-    """A line of a step becomes one instruction of LLVM for each operation, and shared numbers are computed once."""
+    """Each operation of a step is one instruction of LLVM, and those of shared numbers are computed once."""
     out = Instructions(4)
-    scope = {"h": out.load("%h")}
+    h = out.load("%h")
     with out.loop_over_lanes(LANES):
-        scope["x0"] = out.load("%x", vector=True)
-        translate(out, ["v = 0.5 * h * x0"], scope)
+        0.5 * h * out.load("%x", vector=True)
     body = "\n".join(out.lines)
     before, inside = body.split("lane.body:")
     assert re.findall("fmul contract .*", before) == ["fmul contract double 0x3FE0000000000000, %v1"]
     assert len(re.findall("fmul contract .*", inside)) == 1
     assert re.search(r"fmul contract <4 x double> %v\d+, %v\d+", inside)
-
-
-def test_other_statements_are_refused() -> None:
-    for line in ("x, y = 1.0, 2.0", "while True: pass", "y = x[0]", "y = lambda: 1.0"):
-        with pytest.raises(TypeError, match="be compiled"):
-            translate(Instructions(4), [line], {})
 
 
 PROCESSORS = {
@@ -115,7 +103,8 @@ def test_other_processors_get_vector_code(processor: str) -> None:
 
     traced = traced_function(rhs, 2, ("damping",))
     assert traced is not None
-    text = period_text(choose_method("auto", traced, 1e-9).write(traced), 2, 1, width)
+    step: Any = choose_method("auto", traced, 1e-9).write(traced)
+    text = period_text(step, 2, 1, width)
     assert len(object_code(text, triple, cpu, "")) > 1000
     assert len(re.findall(packed, assembly_for(text, triple, cpu, ""))) > 100
 

@@ -11,23 +11,21 @@ import numpy as np
 import pytest
 
 from cellmap import discrete_map
-from cellmap._compiled.for_numba import LOOP, numba
-from cellmap._compiled.kernels import simd_math
+from cellmap._compiled.codegen.kernel import discrete_kernel
+from cellmap._compiled.kernels.blocks import LANES
 
 
 def over_array(name: str) -> Callable[[Any], Any]:
-    function = getattr(simd_math, name)
-
-    @numba().njit(**LOOP)  # type: ignore[untyped-decorator]
-    def apply(values, results):  # type: ignore[no-untyped-def]
-        for i in range(values.size):
-            results[i] = function(values[i])
+    """Return a function of :mod:`math` as lanes compute it, over arrays."""
+    kernel = discrete_kernel(lambda t, x, p: (getattr(math, name)(x[0]),), 1, (), False)
+    assert kernel is not None
 
     def call(values: Any) -> Any:
         values = np.array(values, dtype=float)
-        results = np.empty_like(values)
-        apply(values, results)
-        return results
+        blocks = np.zeros((-(-len(values) // LANES), 1, LANES))
+        blocks.ravel()[: len(values)] = values
+        kernel(blocks, np.ones(len(blocks), np.int64), 0.0, 1.0, np.zeros(1), np.empty_like(blocks))
+        return blocks.ravel()[: len(values)]
 
     return call
 
@@ -128,5 +126,5 @@ def test_functions_that_keep_their_exact_meaning() -> None:
     values = [-2.5, -0.5, 0.0, 0.5, 3.0]
     assert np.array_equal(over_array("fabs")(values), np.abs(values))
     assert np.array_equal(over_array("floor")(values), np.floor(values))
-    assert simd_math.copysign(2.0, -1.0) == -2.0
-    assert (simd_math.fmin(1.0, 2.0), simd_math.fmax(1.0, 2.0)) == (1.0, 2.0)
+    two = discrete_map(lambda x, p: (math.copysign(x[0], x[1]), min(x), max(x)), {}, ("a", "b", "c"))
+    assert two([2.0, -1.0, 0.0]).tolist() == [-2.0, -1.0, 2.0]

@@ -1,0 +1,125 @@
+"""Functions whose formulas cannot be traced: numba compiles them as they are, and steps call them by their address.
+
+Numba takes half a second to be imported; it is imported when such a function is compiled.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..forking import COMPILING
+from .instructions import Instructions, Value
+from .period import CompiledPeriod, PerStep, Step, Values, compiled_period
+from .rebind import rebind
+from .runge_kutta import Call
+from .trace import parameter_record
+
+Prepared = Callable[[Instructions], Call]
+
+OF_USERS: dict[str, Any] = {"error_model": "python", "fastmath": {"contract"}, "boundscheck": True}
+"""Options of the compiler: what Python raises these functions raise, for ``1 // 0`` and beyond the end of an array too.
+
+``fastmath={"contract"}`` allows fused multiply-add and nothing else: full fastmath would delete tests for NaN.
+"""
+
+_FUNCTION = "void(f8, CPointer(f8), CPointer(f8), CPointer(f8))"
+"""Numba's signature of a function of time, state and parameters, which writes its values to the last address."""
+
+
+def compiled_untraced(
+    function: Callable[..., Any], write: Callable[[Prepared], Step], dimension: int, names: tuple[str, ...]
+) -> CompiledPeriod:
+    """Compile the period of steps that call a function, written by how such calls are prepared.
+
+    Raises
+    ------
+    TypeError
+        Where numba cannot compile it, with the reason.
+    """
+    with COMPILING:
+        try:
+            called = _compiled(function, dimension, names)
+        except Exception as error:
+            raise TypeError(_first_sentence(error)) from error
+    step = write(lambda out: _prepared(out, dimension))
+    advance = compiled_period(step, dimension, len(names))
+    return replace(advance, code=(advance.code, called), context=np.array([called.address]))
+
+
+def single_call(prepared: Prepared) -> Step:
+    """Return the step that is one application of a function, whose errors are zero."""
+
+    def step(out: Instructions, p: Values) -> PerStep:
+        images = prepared(out)
+        return lambda t, h: lambda x: (images(t, x), [out.number(0.0)] * len(x))
+
+    return step
+
+
+def _prepared(out: Instructions, dimension: int) -> Call:
+    """Write what calls of the function whose address is in the context need; return what writes a call."""
+    inputs, outputs = out.array(dimension * out.width), out.array(dimension * out.width)
+    function = out.result(f"inttoptr i64 {out.load_whole('%context')} to ptr").text
+    out.declared.add(_for_each_lane(dimension, out.width))
+
+    def call(t: Value, x: Values) -> list[Value]:
+        for j, state in enumerate(x):
+            out.store(out.as_vector(state), out.address(inputs, j * out.width))
+        out.write(f"call void @each_lane(ptr {function}, double {t.text}, ptr {inputs}, ptr %p, ptr {outputs})")
+        return [out.load(out.address(outputs, j * out.width), vector=True) for j in range(dimension)]
+
+    return call
+
+
+def _for_each_lane(dimension: int, width: int) -> str:
+    """Return the text of a function that calls another one lane by lane, with states component by component."""
+    body = Instructions(width)
+    x, y = body.array(dimension), body.array(dimension)
+    with body.loop("lane", width) as lane:
+        rows = [body.whole("add", lane, j * width) for j in range(dimension)]
+        for j, row in enumerate(rows):
+            body.store(body.load(body.address("%x", row)), body.address(x, j))
+        body.write(f"call void %function(double %t, ptr {x}, ptr %p, ptr {y})")
+        for j, row in enumerate(rows):
+            body.store(body.load(body.address(y, j)), body.address("%y", row))
+    return body.function("each_lane", "ptr %function, double %t, ptr %x, ptr %p, ptr %y")
+
+
+def _compiled(function: Callable[..., Any], dimension: int, names: tuple[str, ...]) -> Any:
+    """Return a function of C; its values are NaN where the one of the user raises an exception."""
+    numba = importlib.import_module("numba")
+    compiler = numba.njit(**OF_USERS)
+    # Whole parts of huge numbers stay numbers: those of math are whole numbers of 64 bits.
+    table = {"int": compiler(_whole), "floor": np.floor}
+    values = [f"y{j}" for j in range(dimension)]
+    state, given = (f"({''.join(f'{a}[{i}], ' for i in range(n))})" for a, n in (("x", dimension), ("p", len(names))))
+    lines = [
+        "def called(t, x, p, y):",
+        "    try:",
+        f"        {', '.join(values)}, = rhs(t, {state}, {f'Parameters{given}' if names else '()'})",
+        "    except Exception:",
+        *(f"        {value} = nan" for value in values),
+        *(f"    y[{j}] = {value}" for j, value in enumerate(values)),
+    ]
+    scope = {"rhs": rebind(function, table, compiler), "Parameters": parameter_record(names), "nan": math.nan}
+    exec("\n".join(lines), scope)  # the text is our own, never a user's
+    return numba.cfunc(_FUNCTION, error_model="numpy")(scope["called"])
+
+
+def _whole(x: Any) -> int:
+    """Stand for ``int`` in compiled functions, whose whole numbers have 64 bits."""
+    if not abs(x) < 2.0**63:
+        raise OverflowError("a whole number is larger than 2**63")
+    return int(x)
+
+
+def _first_sentence(error: Exception) -> str:
+    """Return the line of a compiler's message that says what is wrong, without the frames in which it was found."""
+    lines = [line.strip() for line in str(error).splitlines()]
+    return next((line for line in lines if line and not line.startswith("Failed in")), type(error).__name__)
