@@ -9,9 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from ..analysis.boundary.distance import BoundaryDistance
 from ..analysis.boundary.edge import EdgeOrbit
-from ..analysis.boundary.manifolds import Manifold
+from ..analysis.boundary.manifolds import BoundaryDistance, Manifold
 from ..analysis.boundary.saddle_sets import ChaoticSaddle
 from ..basins.record import Basins
 from ..maps.coordinates import Coordinate

@@ -13,8 +13,7 @@ from peers import best_time, scipy_stacked
 import cellmap
 from cellmap import CellGrid, find_basins, interpolated_map, stroboscopic_map
 from cellmap.analysis.fractal import boundary_dimension, image_uncertainty_exponent, uncertainty_exponent
-from cellmap.analysis.fractal.label_boxes import boundary_boxes, count_boxes
-from cellmap.analysis.fractal.label_images import label_image
+from cellmap.analysis.fractal.label_images import boundary_boxes, count_boxes, label_image
 from systems import dimensionless_pendulum, forced_pendulum, two_well_duffing
 
 DISTANCES = 2.0 ** -np.arange(8.0, 19.0)

@@ -131,17 +131,22 @@ def moments(separate, weights, level, orders, out):
     """
     n = len(weights)
     m = len(orders)
+    terms = np.zeros(m)
     out[:] = 0.0
-    p = 0.0
+    p, before = 0.0, 0.0
     for i in range(n):
         p += weights[i]
         if i + 1 == n or separate[i + 1] <= level:
-            if p > 0.0:
+            if p > 0.0 and p != before:  # small boxes often weigh the same
                 for k in range(m):
                     if orders[k] == 0.0:
-                        out[k] += 1.0
+                        terms[k] = 1.0
                     elif orders[k] == 1.0:
-                        out[k] += p * np.log(p)
+                        terms[k] = p * np.log(p)
                     else:
-                        out[k] += p ** orders[k]
+                        terms[k] = p ** orders[k]
+                before = p
+            if p > 0.0:
+                for k in range(m):
+                    out[k] += terms[k]
             p = 0.0

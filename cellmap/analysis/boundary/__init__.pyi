@@ -1,11 +1,11 @@
 from .curve_growth import ManifoldBranch as ManifoldBranch
-from .distance import BoundaryDistance as BoundaryDistance
-from .distance import boundary_distance as boundary_distance
 from .edge import EdgeOrbit as EdgeOrbit
 from .edge import edge_orbit as edge_orbit
 from .escape import EscapeRate as EscapeRate
 from .escape import escape_rate as escape_rate
+from .manifolds import BoundaryDistance as BoundaryDistance
 from .manifolds import Manifold as Manifold
+from .manifolds import boundary_distance as boundary_distance
 from .manifolds import saddle_manifold as saddle_manifold
 from .saddle_sets import ChaoticSaddle as ChaoticSaddle
 from .saddle_sets import chaotic_saddle as chaotic_saddle

@@ -14,8 +14,7 @@ from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ...basins.record import Basins
 from .box_counting import BoxCount, averaged, checked_sizes, fitted
-from .label_boxes import boundary_boxes, count_boxes
-from .label_images import NO_BASIN, LabelImage, label_image
+from .label_images import NO_BASIN, LabelImage, boundary_boxes, count_boxes, label_image
 
 _FEWEST_BOXES = 10
 _MISSED = 0.1

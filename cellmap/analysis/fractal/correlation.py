@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement, pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +20,7 @@ from .box_counting import checked_sizes, fit_sizes
 from .partitions import Space
 
 _BLOCKS = 8
-_PAIRS_AT_ONCE = 2**25  # that are counted before Ctrl-C is heard
+_PAIRS_AT_ONCE = 2**26  # that are counted before Ctrl-C is heard
 _FEWEST_PAIRS = 500
 _LARGEST = 0.25  # of the extent
 _RADII = 25
@@ -171,19 +172,23 @@ def _pairs(space: Space, rising: Floats, theiler: int, norm: float) -> Ints:
     if circle is not None:
         # Rounding may put an angle on the upper end of its period, which is the lower one.
         points = np.where((circle > 0.0) & (points >= circle), 0.0, points)
-    tree = cKDTree(points, boxsize=circle)
     edges = np.linspace(0, len(points), _BLOCKS + 1).astype(int)
-    counts = np.zeros((_BLOCKS, len(rising)), np.int64)
+    blocks = [points[first:last] for first, last in pairwise(edges)]
+    trees = [cKDTree(block, boxsize=circle) for block in blocks]
+    both = list(combinations_with_replacement(range(_BLOCKS), 2))
+    found = np.zeros((len(both), len(rising)), np.int64)
 
-    def work(block: int) -> None:
-        first, last = edges[block], edges[block + 1]
-        for some in slices(last - first, max(256, _PAIRS_AT_ONCE // len(points))):
+    def work(number: int) -> None:
+        mine, tree = blocks[both[number][0]], trees[both[number][1]]
+        for some in slices(len(mine), max(256, _PAIRS_AT_ONCE // tree.n)):
             check_stop()
-            mine = cKDTree(points[first:last][some], boxsize=circle)
-            counts[block] += mine.count_neighbors(tree, rising, p=norm)
-        counts[block] -= last - first  # each with itself
+            found[number] += cKDTree(mine[some], boxsize=circle).count_neighbors(tree, rising, p=norm)
 
-    run_over(range(_BLOCKS), work)
+    run_over(range(len(both)), work)
+    counts = np.zeros((_BLOCKS, len(rising)), np.int64)
+    for pair, close in zip(both, found, strict=True):
+        counts[list(set(pair))] += close
+    counts -= np.diff(edges)[:, None]  # each with itself
     for lag in range(1, theiler + 1):
         apart = np.abs(points[lag:] - points[:-lag])
         if circle is not None:

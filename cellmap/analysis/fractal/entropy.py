@@ -183,7 +183,7 @@ def basin_entropy(
         len(image.names),
         "tiling" if n_positions is None else "random",
         finest_exponent(image),
-        basins.name if isinstance(basins, Basins) else "",
+        image.source,
     )
 
 

@@ -16,7 +16,7 @@ from ..._lib.signatures import checked
 from ...basins.record import Basins
 from ...maps.orbit_batch import Cost
 from .label_images import NO_BASIN, LabelImage, label_image
-from .uncertainty_fits import UncertaintyExponent, fit_exponent
+from .uncertainty_fits import UncertaintyExponent, logarithms, usable_distances
 
 _BLOCKS = 8  # along each axis: parts of an image whose scatter gives the errors
 _COARSEST = 8  # largest distance, as a part of the shorter side
@@ -78,7 +78,8 @@ def image_uncertainty_exponent(
     distances = _steps(image, distances)
     blocks = np.array([_compare(image, int(k)) for k in distances])  # distance, block, kind
     drawn, hits, without = blocks.sum(axis=1).T
-    found = fit_exponent(
+    found = UncertaintyExponent(
+        fit=None,
         distances=distances.astype(float),
         pairs=drawn - without,
         uncertain=hits,
@@ -87,19 +88,18 @@ def image_uncertainty_exponent(
         dimension=image.numbers.ndim,
         floor=1.0,
         unit="cells",
-        window=None,
         attractors=basins.attractors if isinstance(basins, Basins) else (),
         cost=Cost(time.perf_counter() - began, image.numbers.size),
-        name=basins.name if isinstance(basins, Basins) else "",
+        name=image.source,
     )
-    if found.fit is None:
+    if not usable_distances(found).any():
         return found
-    x, y = found.fit.x, np.where(found.uncertain > 0, found.fit.y, np.nan)
+    x, y, labels = logarithms(found)
     samples = _jackknife(blocks)
     scale = (len(samples) - 1) / np.sqrt(len(samples))
     errors = np.maximum(scale * samples.std(axis=0), 1e-6)
     # Shares at different distances are made of the same boundary, so that their errors are no weights.
-    line = scaling_fit(x, y, fit_range, labels=found.fit.labels, to_the_end=True)
+    line = scaling_fit(x, np.where(found.uncertain > 0, y, np.nan), fit_range, labels=labels, to_the_end=True)
     slopes = [fit_line(x, s, line.fit_range).slope for s in samples]
     error = float(np.hypot(line.standard_error, scale * np.std(slopes)))
     return replace(found, fit=replace(line, errors=errors, standard_error=error))

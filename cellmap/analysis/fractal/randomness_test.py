@@ -187,7 +187,7 @@ def fractal_boundary_test(
         entropies=entropies,
         finest=finest_exponent(image),
         exponent=image_uncertainty_exponent(basins, include=include, wraps=wraps),
-        name=basins.name if isinstance(basins, Basins) else "",
+        name=image.source,
     )
 
 

@@ -22,7 +22,7 @@ from ...maps.orbit_batch import CHUNK, Cost
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor
 from .label_images import included_labels
-from .uncertainty_fits import UncertaintyExponent, fit_exponent
+from .uncertainty_fits import UncertaintyExponent, with_fit
 
 _LARGEST = 2.0**-6  # distance, relative to the window
 _SAFETY = 10.0  # times the error of the map: the smallest distance
@@ -60,7 +60,8 @@ def uncertainty_exponent(
     of the size of the region along each axis.  They are halved, from 1/64 on, down to ten times the error of the map
     (its tolerance, and for an interpolated map the 99th percentile of its measured error), or until the budget of pairs
     is spent.  At each distance pairs are drawn until the requested number of uncertain ones is reached, or fewer of
-    them if the boundary is so short that the budget would not suffice for five distances.
+    them if the boundary is so short that the budget would not suffice for five distances.  With one final state alone,
+    of which no pair can be uncertain, 4096 pairs are drawn.
 
     Parameters
     ----------
@@ -121,6 +122,8 @@ def uncertainty_exponent(
     min_uncertain = whole_number("min_uncertain", min_uncertain, at_least=1)
     seed = random_seed(rng)
     states = final_states(source, region, attractors, outcome, max_periods)
+    if outcome is None and len(states.attractors) + len(counted) == 1:
+        max_pairs = _FIRST  # no pair can be uncertain
     floor = smallest_distance(states)
     wanted = None if distances is None else _decreasing(distances, floor)
     levels = max(1, int(log2(_LARGEST / floor)) + 1) if wanted is None else len(wanted)
@@ -148,7 +151,8 @@ def uncertainty_exponent(
                 break  # there will be none at smaller distances either
     table = np.array(rows).reshape(-1, 4)
     drawn, hits, without, undecided = table.T
-    return fit_exponent(
+    found = UncertaintyExponent(
+        fit=None,
         distances=scales[: len(table)],
         pairs=drawn - without,
         uncertain=hits,
@@ -157,11 +161,11 @@ def uncertainty_exponent(
         dimension=sum(n > 1 for n in states.region.shape),
         floor=floor,
         unit="fraction of the window",
-        window=fit_range,
         attractors=states.attractors,
         cost=Cost(time.perf_counter() - began, 2 * int(drawn.sum())),
         name=states.point_map.name,
     )
+    return with_fit(found, fit_range)
 
 
 def smallest_distance(states: FinalStates) -> float:

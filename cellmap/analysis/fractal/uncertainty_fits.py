@@ -137,43 +137,34 @@ class UncertaintyExponent:
         return FRACTAL if ahead < 1.0 - 3.0 * doubt else UNDETERMINED
 
 
-def fit_exponent(
-    distances: Floats,
-    pairs: Ints,
-    uncertain: Ints,
-    left_out: Ints,
-    undecided: Ints,
-    dimension: int,
-    floor: float,
-    unit: str,
-    window: tuple[int, int] | None,
-    attractors: tuple[Attractor, ...] = (),
-    cost: Cost = Cost(),
-    name: str = "",
-) -> UncertaintyExponent:
-    """Fit the exponent to counts of independent pairs."""
-    empty = UncertaintyExponent(
-        None, distances, pairs, uncertain, left_out, undecided, dimension, floor, unit, attractors, cost, name
-    )
-    usable = (uncertain >= _FEWEST) & (uncertain < pairs) & (undecided <= _UNDECIDED * uncertain)
-    if window is None and _run(usable) < 3:
-        return empty
+def with_fit(found: UncertaintyExponent, window: tuple[int, int] | None = None) -> UncertaintyExponent:
+    """Fit the exponent to counts of independent pairs, where there are enough of them."""
+    usable = usable_distances(found)
+    if window is None and not usable.any():
+        return found
+    x, y, labels = logarithms(found)
     with np.errstate(divide="ignore", invalid="ignore"):
-        x, y = np.log(distances), np.log(uncertain / pairs)
-        errors = np.sqrt((pairs - uncertain) / (1.0 * pairs * uncertain))
-    labels = (f"ln distance ({unit})", "ln fraction of uncertain pairs")
+        errors = np.sqrt((found.pairs - found.uncertain) / (1.0 * found.pairs * found.uncertain))
     # The law holds in the limit of small distances, and at large ones the fraction saturates.
     fit = scaling_fit(x, np.where(usable, y, np.nan) if window is None else y, window, errors, labels, to_the_end=True)
-    return replace(empty, fit=replace(fit, y=y))
+    return replace(found, fit=replace(fit, y=y))
 
 
-def _run(usable: Bools) -> int:
-    """Return how many usable distances follow each other up to the smallest one."""
-    finite = np.flatnonzero(usable)
-    if not len(finite):
-        return 0
-    breaks = np.flatnonzero(~usable[: finite[-1]])
-    return int(finite[-1] - (breaks[-1] if len(breaks) else -1))
+def logarithms(found: UncertaintyExponent) -> tuple[Floats, Floats, tuple[str, str]]:
+    """Return the logarithms of distances and of fractions, and what they are."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x, y = np.log(found.distances), np.log(found.uncertain / found.pairs)
+    return x, y, (f"ln distance ({found.unit})", "ln fraction of uncertain pairs")
+
+
+def usable_distances(found: UncertaintyExponent) -> Bools:
+    """Return at which distances there are pairs enough; at none where fewer than three of them lead to the smallest."""
+    usable = (found.uncertain >= _FEWEST) & (found.uncertain < found.pairs)
+    usable &= found.undecided <= _UNDECIDED * found.uncertain
+    places = np.flatnonzero(usable)
+    if len(places) < 3 or not usable[places[-1] - 2 : places[-1]].all():
+        usable[:] = False
+    return np.asarray(usable)
 
 
 def _halves(fit: Fit) -> tuple[tuple[float, float], tuple[float, float]] | None:

@@ -168,7 +168,7 @@ def wada_merging(
         apart,
         np.bincount(near, minlength=n + 1) / max(cells, 1),
         cells,
-        basins.name if isinstance(basins, Basins) else "",
+        image.source,
     )
 
 

@@ -153,17 +153,14 @@ def tipping_probabilities(
     if isinstance(before, Basins) and isinstance(after, Basins):
         _check_initial_conditions(before, after)
     rows, columns = (_numbers_of(given, found) for given, found in zip((before, after), labels, strict=True))
+    landed: Floats | None = None
+    if isinstance(before, Basins) and isinstance(after, Basins) and (point_map or after.point_map) is not None:
+        columns, landed = _landing(before, after, columns, point_map)
     counts = np.array([[np.count_nonzero((labels[0] == i) & (labels[1] == j)) for j in columns] for i in rows])
     total = counts.sum(axis=1, keepdims=True)
     low, high = binomial_interval(counts, np.broadcast_to(total, counts.shape), confidence)
     with np.errstate(invalid="ignore"):
         fractions = counts / np.where(total > 0, total, np.nan)
-    landed: Floats | None = None
-    if isinstance(before, Basins) and isinstance(after, Basins) and (point_map or after.point_map) is not None:
-        landing = _landing(before, after, columns, point_map)
-        columns, fractions, counts, low, high, landed = _with_landed(
-            columns, fractions, counts, low, high, landing, confidence
-        )
     names = (_names_of(before, rows), _names_of(after, columns))
     mine, theirs = (tuple(k for k in numbers if k >= 0) for numbers in (rows, columns))
     if way == "distance":
@@ -230,27 +227,11 @@ def _names_of(given: Any, numbers: tuple[int, ...]) -> tuple[str, ...]:
     return tuple(known.get(k, LABEL_NAMES.get(k, f"label {k}")) for k in numbers)
 
 
-def _landing(before: Basins, after: Basins, columns: tuple[int, ...], point_map: PointMap | None) -> dict[int, Floats]:
-    """Return the fraction of each attractor's points for each label after the change, one array for each label."""
+def _landing(
+    before: Basins, after: Basins, columns: tuple[int, ...], point_map: PointMap | None
+) -> tuple[tuple[int, ...], Floats]:
+    """Return the columns with those of labels that only points of attractors have, and the landing of the points."""
     label = labeller(after, point_map=point_map)
     ends = [label(a.points) for a in before.attractors]
-    found = sorted({int(k) for e in ends for k in e} - set(columns), reverse=True)
-    return {k: np.array([float(np.mean(e == k)) for e in ends]) for k in (*columns, *found)}
-
-
-def _with_landed(
-    columns: tuple[int, ...],
-    fractions: Floats,
-    counts: Ints,
-    low: Floats,
-    high: Floats,
-    landing: dict[int, Floats],
-    confidence: float,
-) -> tuple[Any, ...]:
-    """Add columns for labels that only points of attractors carry."""
-    more = len(landing) - len(columns)
-    wide = [np.pad(a, ((0, 0), (0, more))) for a in (fractions, counts, low)]
-    if more:
-        upper = binomial_interval(np.zeros(len(counts)), counts.sum(axis=1), confidence)[1]
-        high = np.concatenate([high, np.repeat(upper[:, None], more, axis=1)], axis=1)
-    return tuple(landing), wide[0], wide[1], wide[2], high, np.column_stack(list(landing.values()))
+    columns = (*columns, *sorted({int(k) for e in ends for k in e} - set(columns), reverse=True))
+    return columns, np.array([[np.mean(e == k) for k in columns] for e in ends]).reshape(len(ends), len(columns))

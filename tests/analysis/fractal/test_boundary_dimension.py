@@ -12,8 +12,7 @@ from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, set_t
 from cellmap.analysis import fit_line
 from cellmap.analysis.fractal import boundary_dimension
 from cellmap.analysis.fractal.boundary_dimensions import sampled
-from cellmap.analysis.fractal.label_boxes import boundary_boxes, count_boxes
-from cellmap.analysis.fractal.label_images import label_image
+from cellmap.analysis.fractal.label_images import boundary_boxes, count_boxes, label_image
 from studies.known_fractals import CANTOR, KOCH, cantor_labels, snowflake_labels
 
 

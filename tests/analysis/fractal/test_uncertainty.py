@@ -12,9 +12,9 @@ import pytest
 
 import systems
 from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, plot, set_threads, stroboscopic_map
-from cellmap.analysis.fractal import image_uncertainty_exponent, uncertainty_exponent
+from cellmap.analysis.fractal import UncertaintyExponent, image_uncertainty_exponent, uncertainty_exponent
 from cellmap.analysis.fractal.uncertainty import smallest_distance
-from cellmap.analysis.fractal.uncertainty_fits import SMOOTH, fit_exponent
+from cellmap.analysis.fractal.uncertainty_fits import SMOOTH, with_fit
 from cellmap.basins.final_states import final_states
 
 mpl.use("Agg")
@@ -115,7 +115,7 @@ def rising(fall, pairs=40_000):
     fractions = 0.1 * np.exp(0.8 * x - 0.5 * fall / log(10.0) * x**2)
     zero = np.zeros(7, int)
     counts = np.round(pairs * fractions).astype(int)
-    return fit_exponent(distances, np.full(7, pairs), counts, zero, zero, 2, 1e-9, "", None)
+    return with_fit(UncertaintyExponent(None, distances, np.full(7, pairs), counts, zero, zero, 2, 1e-9, ""))
 
 
 def test_verdict_waits_for_pairs():
@@ -210,7 +210,7 @@ def test_undecided_initial_conditions_spoil_a_distance():
     hits = np.round(10_000 * distances**0.5).astype(int)
 
     def fitted(left_out):
-        return fit_exponent(distances, counts, hits, left_out, left_out, 2, 1e-9, "", None)
+        return with_fit(UncertaintyExponent(None, distances, counts, hits, left_out, left_out, 2, 1e-9, ""))
 
     assert fitted(0 * hits).exponent == pytest.approx(0.5, abs=0.01)
     spoilt = fitted(hits)
@@ -230,6 +230,14 @@ def test_diverging_initial_conditions_count_on_demand():
     both = uncertainty_exponent(basins, region, include=(-2,), max_pairs=20_000)
     assert both.left_out.sum() == 0
     assert both.uncertain[0] > 20
+
+
+def test_one_basin_has_no_boundary_and_costs_nothing():
+    """Of one attractor no pair can be uncertain; with orbits that diverge as a second state all pairs are drawn."""
+    half = discrete_map(lambda x, p: (x[0] / 2 + 4 * x[0] ** 3, x[1] / 2), {}, ("x", "y"))
+    alone = uncertainty_exponent(half, UNIT)
+    assert (alone.verdict, alone.cost.steps) == ("no boundary", 2 * 4096)
+    assert uncertainty_exponent(half, UNIT, include=(-2,), max_pairs=20_000).uncertain.sum() > 100
 
 
 # --- distances, errors, determinism
