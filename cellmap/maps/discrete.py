@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .._compiled.codegen.expression import ImpureError
-from .._compiled.codegen.kernel import discrete_jet_kernel, discrete_kernel, tangent_step, why_untraced
+from .._compiled.codegen.kernel import discrete_kernel, tangent_step, why_untraced
 from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.codegen.trace import parameter_record
 from .._compiled.kernels.frames import Framed, FrameStep, carrying
@@ -96,15 +96,15 @@ class Discrete(MapSpec[PointMap]):
         """Why the formulas of the function are not known; empty if they are."""
         return why_untraced(_timeless(self.function), len(self.coordinates), self.params)
 
-    def _kernel(self, with_tangent: bool) -> CompiledPeriod | None:
+    def _kernel(self, order: int, only_smooth: bool = False) -> CompiledPeriod | None:
         d, names = len(self.coordinates), tuple(self.params)
-        return discrete_kernel(_timeless(self.function), d, names, with_tangent, not self._formulas)
+        return discrete_kernel(_timeless(self.function), d, names, order, not self._formulas, only_smooth)
 
     def make(self) -> PointMap:
         """Return the map, without its specification."""
         name, d = self.name, len(self.coordinates)
         try:
-            kernel = self._kernel(False)
+            kernel = self._kernel(0)
         except TypeError as error:
             raise TypeError(f"function={shown(self.function)}: {error}") from error
         assert kernel is not None, "without tangents there is always one"
@@ -117,7 +117,7 @@ class Discrete(MapSpec[PointMap]):
 
         @functools.cache
         def tangent_advance() -> DiscreteAdvance:
-            compiled = derivatives_of(name, self._kernel(True))
+            compiled = derivatives_of(name, self._kernel(1))
             return DiscreteAdvance(compiled, parameters, _BOUND, anywhere, anywhere)
 
         def derivative(points: Floats) -> tuple[Floats, Floats]:
@@ -156,8 +156,8 @@ class Discrete(MapSpec[PointMap]):
     ) -> Callable[[Orbits], None] | None:
         """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown."""
         d = len(self.coordinates)
-        kernel = discrete_jet_kernel(_timeless(self.function), d, tuple(self.params), order)
-        if kernel is None or self._formulas or part[1] > 1:
+        kernel = self._kernel(order, only_smooth=True)
+        if kernel is None or part[1] > 1:
             return None
         parameters, anywhere = np.array([float(v) for v in self.params.values()]), np.zeros((order + 1) * d)
         advance = DiscreteAdvance(kernel, parameters, _BOUND, anywhere, anywhere)
@@ -165,7 +165,7 @@ class Discrete(MapSpec[PointMap]):
 
     def parts(self, count: int) -> tuple[Callable[[Any], tuple[Any, Any]], ...] | None:
         """Return the tangent map of the step, which cannot be divided; None without known derivatives."""
-        if count > 1 or self._formulas or self._kernel(True) is None:
+        if count > 1 or self._formulas or self._kernel(1) is None:
             return None
         tangent = self.build().tangent
         return None if tangent is None else (tangent,)

@@ -15,7 +15,6 @@ from .._compiled.codegen.kernel import (
     flow_kernel,
     jet_flow_kernel,
     switching_kernel,
-    tangent_flow_kernel,
 )
 from .._compiled.kernels.blocks import LANES, wrap_rows
 from .._compiled.kernels.periods import INACCURATE, PROBE, ROUNDED, Motion, integrate
@@ -160,13 +159,8 @@ def tangent_flow(
     if known.has_events:
         kernel = switching_kernel(system.functions, system.dimension, names, tolerance, True)
     elif not known.unknown:
-        kernel = tangent_flow_kernel(system.rhs, system.dimension, names, tolerance, method)
-    if kernel is None:
-        return None
-    largest = np.full(2 * system.dimension, np.inf)
-    fewest = _fewest_steps(known, length, tolerance)
-    floors = np.full_like(largest, tolerance)
-    return Flow(kernel, _values(system), begin, length, tolerance, floors, max_steps, largest, fewest)
+        kernel = jet_flow_kernel(system.rhs, system.dimension, names, tolerance, 1, method)
+    return _of_derivatives(kernel, known, begin, length, tolerance, max_steps, 1)
 
 
 def jet_flow(
@@ -187,13 +181,20 @@ def jet_flow(
     if known.has_events or known.unknown:
         return None
     kernel = jet_flow_kernel(system.rhs, system.dimension, names, tolerance, order, method)
+    tolerance *= _FINER if finer else 1.0
+    return _of_derivatives(kernel, known, begin, length, tolerance, max_steps, order)
+
+
+def _of_derivatives(
+    kernel: PeriodKernel | None, known: Formulas, begin: float, length: float, tolerance: float, steps: int, order: int
+) -> Flow | None:
+    """Return the motion of states with derivatives up to an order, all to one tolerance."""
     if kernel is None:
         return None
-    tolerance *= _FINER if finer else 1.0
-    largest = np.full((order + 1) * system.dimension, np.inf)
+    largest = np.full((order + 1) * known.system.dimension, np.inf)
     fewest = _fewest_steps(known, length, tolerance)
     floors = np.full_like(largest, tolerance)
-    return Flow(kernel, _values(system), begin, length, tolerance, floors, max_steps, largest, fewest)
+    return Flow(kernel, _values(known.system), begin, length, tolerance, floors, steps, largest, fewest)
 
 
 def _kernel(known: Formulas, method: str, rtol: float) -> PeriodKernel:

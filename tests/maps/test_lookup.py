@@ -14,7 +14,7 @@ from scipy.ndimage import map_coordinates
 
 from cellmap import CellGrid, PointMap, angle, discrete_map, interpolated_map
 from cellmap._compiled.codegen.lookup import BLOCK, lookup_kernel
-from cellmap._compiled.codegen.spline_basis import WIDTH, basis_polynomials
+from cellmap._compiled.codegen.spline_sum import WIDTH, basis_polynomials
 
 
 def plane(x, p):

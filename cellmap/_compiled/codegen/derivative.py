@@ -4,27 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 from .expression import Expression, Graph, UntraceableError, in_order
 from .functions import TABLE
 from .trace import Trace
 
 
-def tangent_trace(trace: Trace) -> Trace:
-    """Return the trace of (x, v) -> (f(x), Df(x) v): a function with its derivative along one direction.
+def jet_trace(trace: Trace, order: int) -> Trace:
+    """Return the trace of a function along a curve x(s): of (x, x', x'', ...) -> (f(x), f(x)', f(x)'', ...).
 
-    For a right-hand side this is the variational equation of one tangent vector, for a discrete map its tangent map.
+    Derivatives by s go up to `order`; of order 1 they are those along one direction, (x, v) -> (f(x), Df(x) v).  For a
+    right-hand side these are the variational equations of that order, for a discrete map the tangent map, or the
+    derivatives of the image curve (Faa di Bruno).
 
     Raises
     ------
     UntraceableError
         For an operation whose derivative is not known here.
     """
-    graph = trace.graph
-    d = len(trace.states)
-    directions = tuple(graph.node("state", value=d + j) for j in range(d))
-    derivatives = along(graph, trace.outputs, dict(zip(trace.states, directions, strict=True)))
-    return replace(trace, states=(*trace.states, *directions), outputs=(*trace.outputs, *derivatives))
+    graph, d = trace.graph, len(trace.states)
+    rows = [trace.states]
+    rows += [tuple(graph.node("state", value=k * d + j) for j in range(d)) for k in range(1, order + 1)]
+    outputs = [trace.outputs]
+    for k in range(order):
+        slopes = {x: dx for row, below in pairwise(rows[: k + 2]) for x, dx in zip(row, below, strict=True)}
+        outputs.append(along(graph, outputs[-1], slopes))
+    return replace(trace, states=sum(rows, ()), outputs=sum(outputs, ()))
 
 
 def along(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import Any
 
 from .functions import TABLE
@@ -57,6 +57,15 @@ class ImpureError(ValueError):
         )
 
 
+def _operator(operation: str, swapped: bool = False) -> Callable[..., Any]:
+    """Return the method of an expression that applies an operation to it and other operands."""
+
+    def apply(self: Expression, *others: Any) -> Expression:
+        return self.graph.apply(operation, *((*others, self) if swapped else (self, *others)))
+
+    return apply
+
+
 class Expression:
     """One node: an operation on other nodes, an input (state, time, parameter) or a constant."""
 
@@ -96,17 +105,14 @@ class Expression:
     def __le__(self, other: Any) -> Any:
         return self.graph.compare(other, self, strictly=False)
 
-    def __mod__(self, other: Any) -> Expression:
-        return self.graph.apply("mod", self, other)
-
-    def __rmod__(self, other: Any) -> Expression:
-        return self.graph.apply("mod", other, self)
-
-    def __floordiv__(self, other: Any) -> Expression:
-        return self.graph.apply("floordiv", self, other)
-
-    def __rfloordiv__(self, other: Any) -> Expression:
-        return self.graph.apply("floordiv", other, self)
+    __add__, __radd__ = _operator("add"), _operator("add", swapped=True)
+    __sub__, __rsub__ = _operator("sub"), _operator("sub", swapped=True)
+    __mul__, __rmul__ = _operator("mul"), _operator("mul", swapped=True)
+    __truediv__, __rtruediv__ = _operator("div"), _operator("div", swapped=True)
+    __mod__, __rmod__ = _operator("mod"), _operator("mod", swapped=True)
+    __floordiv__, __rfloordiv__ = _operator("floordiv"), _operator("floordiv", swapped=True)
+    __neg__, __abs__, __floor__ = _operator("neg"), _operator("fabs"), _operator("floor")
+    __ceil__, __trunc__ = _operator("ceil"), _operator("trunc")
 
     def __divmod__(self, other: Any) -> tuple[Expression, Expression]:
         return self // other, self % other
@@ -114,50 +120,11 @@ class Expression:
     def __rdivmod__(self, other: Any) -> tuple[Expression, Expression]:
         return other // self, other % self
 
-    def __floor__(self) -> Expression:
-        return self.graph.apply("floor", self)
-
-    def __ceil__(self) -> Expression:
-        return self.graph.apply("ceil", self)
-
-    def __trunc__(self) -> Expression:
-        return self.graph.apply("trunc", self)
-
     def __round__(self, digits: int | None = None) -> Expression:
         raise UntraceableError("it rounds a number: write floor(a + 0.5)")
 
-    def __add__(self, other: Any) -> Expression:
-        return self.graph.apply("add", self, other)
-
-    def __radd__(self, other: Any) -> Expression:
-        return self.graph.apply("add", other, self)
-
-    def __sub__(self, other: Any) -> Expression:
-        return self.graph.apply("sub", self, other)
-
-    def __rsub__(self, other: Any) -> Expression:
-        return self.graph.apply("sub", other, self)
-
-    def __mul__(self, other: Any) -> Expression:
-        return self.graph.apply("mul", self, other)
-
-    def __rmul__(self, other: Any) -> Expression:
-        return self.graph.apply("mul", other, self)
-
-    def __truediv__(self, other: Any) -> Expression:
-        return self.graph.apply("div", self, other)
-
-    def __rtruediv__(self, other: Any) -> Expression:
-        return self.graph.apply("div", other, self)
-
-    def __neg__(self) -> Expression:
-        return self.graph.apply("neg", self)
-
     def __pos__(self) -> Expression:
         return self
-
-    def __abs__(self) -> Expression:
-        return self.graph.apply("fabs", self)
 
     def __pow__(self, other: Any) -> Expression:
         return self.graph.power(self, other)
@@ -267,6 +234,11 @@ class Graph:
     def times(self, a: Expression, b: Expression) -> Expression:
         """Multiply; nothing is left of a factor of zero."""
         return self.constant(0.0) if a.vanishes or b.vanishes else self.apply("mul", a, b)
+
+    def dot(self, a: Iterable[Expression], b: Iterable[Expression]) -> Expression:
+        """Sum products; nothing is left of those with a factor of zero."""
+        products = (self.times(u, v) for u, v in zip(a, b, strict=True))
+        return reduce(lambda total, product: self.apply("add", total, product), products, self.constant(0.0))
 
     def minus(self, a: Expression, b: Expression) -> Expression:
         """Subtract; a minuend of zero, and a difference of equals, vanish."""

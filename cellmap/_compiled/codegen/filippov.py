@@ -26,7 +26,6 @@ from .continuity import is_continuous
 from .derivative import along
 from .evaluation import evaluated
 from .expression import Expression, Graph, UntraceableError, in_order, is_analytic
-from .following import with_sides
 from .impacts import Impact, beside_rest, impact_of
 from .sliding import held_in_places, held_signs
 from .trace import Trace, empty_trace
@@ -123,7 +122,7 @@ def switching_trace(
     """
     base = empty_trace(dimension, len(names), modes=True)
     graph = base.graph
-    given, outputs = with_sides(base, rhs, switches, names)
+    given, outputs = _with_sides(base, rhs, switches, names)
     struck = () if impacts is None else graph.trace_paths(base.run(impacts, names))
     strikes = [struck[k : k + 2 + dimension] for k in range(0, len(struck), 2 + dimension)]
     guards = [graph.add_switch(guard) for guard, *_ in strikes]
@@ -135,6 +134,44 @@ def switching_trace(
         return traced
     places = [next(i for i, mode in enumerate(modes) if mode.sign is guard) for guard in guards]
     return _with_impacts(traced, modes, dict(zip(places, strikes, strict=True)))
+
+
+def _with_sides(
+    base: Trace, rhs: Callable[..., Sequence[Any]], switches: Callable[..., Sequence[Any]] | None, names: Sequence[str]
+) -> tuple[tuple[Expression, ...], tuple[Expression, ...]]:
+    """Trace the switching functions that are given, and the right-hand side, on as many paths as conditions ask for."""
+    graph = base.graph
+    while True:
+        given: tuple[Expression, ...] = ()
+        if switches is not None:
+            given = tuple(map(graph.add_switch, graph.trace_paths(base.run(switches, names))))
+        outputs = graph.trace_paths(base.run(rhs, names, *([given] if switches is not None else [])))
+        differing = _to_follow(graph)
+        if not differing:
+            return given, outputs
+        graph.followed |= differing
+        graph.restart()
+
+
+def _to_follow(graph: BranchingGraph) -> set[Expression]:
+    """Return functions of switches, not followed so far, on whose sides the function of another switch differs.
+
+    It jumps there, so that a state that slides between them has another condition on either side; or it keeps to
+    steps on one of them, where it may be zero for a time.
+    """
+    found = set()
+    for own, function in zip(graph.switches, graph.conditions, strict=True):
+        signs = {e for e in in_order([function]) if e.operation == "sign" and e is not own.sign}
+        for switch, condition in zip(graph.switches, graph.conditions, strict=True):
+            if switch.sign in signs and not switch.counts and condition not in graph.followed:
+                low, high = (
+                    graph.substituted([function], {switch.sign: graph.constant(side)}, graph.plain)[0]
+                    for side in (-1.0, 1.0)
+                )
+                still = "constant" in (low.operation, high.operation)
+                if still or not is_continuous(replace(switch, function=condition), (graph.minus(high, low),)):
+                    found.add(condition)
+    return found
 
 
 def _with_impacts(

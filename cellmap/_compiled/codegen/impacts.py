@@ -20,7 +20,7 @@ from ..._lib.arrays import Floats
 from .branches import Switch
 from .derivative import along
 from .evaluation import evaluated
-from .expression import Expression, Graph, in_order
+from .expression import Expression, in_order
 from .trace import Trace
 
 _SAMPLES = 16
@@ -96,7 +96,7 @@ def beside_rest(
     factor.  Else None: the forces on both surfaces are not known one by one.
     """
     (pull,) = along(base.graph, [impact.rate], dict(zip(base.states, jump, strict=True)))
-    if not impact.rests or (_dot(base.graph, normal, impact.push).vanishes and pull.vanishes):
+    if not impact.rests or (base.graph.dot(normal, impact.push).vanishes and pull.vanishes):
         return 0
     ratio = _sampled(base, base.graph.apply("div", surface, impact.rate))
     alike = np.ptp(ratio) <= 1e-9 * np.abs(ratio).max()
@@ -111,7 +111,7 @@ def _with_rest(base: Trace, impact: Impact, guard: Expression, ahead: dict[Expre
     # The reset turns the rate of the guard round, and changes the state along one direction: that of its own change.
     seeds = {x: s for x, s in zip(base.states, slope, strict=True) if s is not zero}
     normal = along(graph, changes, seeds)
-    across = _dot(graph, slope, normal)
+    across = graph.dot(slope, normal)
     if not _is_solid(base, across):
         return impact
     push = tuple(graph.apply("neg", graph.times(graph.apply("div", impact.acceleration, across), n)) for n in normal)
@@ -125,7 +125,7 @@ def _with_rest(base: Trace, impact: Impact, guard: Expression, ahead: dict[Expre
         for x, n in zip(base.states, normal, strict=True)
     ]
     up = _gradient(base, guard)
-    apart = graph.apply("div", _dot(graph, up, held), _dot(graph, up, up))
+    apart = graph.apply("div", graph.dot(up, held), graph.dot(up, up))
     held = [graph.minus(h, graph.times(apart, u)) for h, u in zip(held, up, strict=True)]
     return replace(impact, push=push, stuck=stuck, held=tuple(held))
 
@@ -148,10 +148,3 @@ def _sampled(base: Trace, expression: Expression) -> Floats:
 def _gradient(base: Trace, function: Expression) -> tuple[Expression, ...]:
     one = base.graph.constant(1.0)
     return tuple(along(base.graph, [function], {x: one})[0] for x in base.states)
-
-
-def _dot(graph: Graph, a: Sequence[Expression], b: Sequence[Expression]) -> Expression:
-    total = graph.constant(0.0)
-    for u, v in zip(a, b, strict=True):
-        total = graph.apply("add", total, graph.times(u, v))
-    return total

@@ -15,12 +15,11 @@ from typing import Any
 from ..kernels import periods
 from ..machine_code import MachineCode
 from .captured import kept
-from .derivative import tangent_trace
+from .derivative import jet_trace
 from .emit import evaluate, inputs
 from .expression import UntraceableError
 from .filippov import SwitchingTrace, switching_trace
 from .instructions import Instructions, Value
-from .jets import jet_trace
 from .methods import Method, choose_method, taylor_method, taylor_order
 from .own_steps import compiled_own_steps
 from .period import CompiledPeriod, PerLane, PerStep, Step, Values, compiled_period, compiled_rows
@@ -102,22 +101,6 @@ def flow_kernel(
 
 
 @kept
-def tangent_flow_kernel(
-    rhs: Callable[..., Any], dimension: int, names: Names, rtol: float, method: str = "auto"
-) -> PeriodKernel | None:
-    """Compile the period of a flow with one tangent vector, 2 d components; None where derivatives are not known."""
-    traced = traced_function(rhs, dimension, names)
-    if traced is None or traced.has_branches:
-        return None
-    try:
-        tangent = tangent_trace(traced)
-        chosen = choose_method(method, tangent, rtol)
-        return finished(compiled_steps(chosen, tangent, len(names)), chosen)
-    except UntraceableError:
-        return None
-
-
-@kept
 def jet_flow_kernel(
     rhs: Callable[..., Any], dimension: int, names: Names, rtol: float, order: int, method: str = "auto"
 ) -> PeriodKernel | None:
@@ -146,7 +129,7 @@ def switching_kernel(
         return None
     if tangent:
         try:
-            traced = replace(traced, motion=tangent_trace(traced.motion))
+            traced = replace(traced, motion=jet_trace(traced.motion, 1))
         except UntraceableError:
             return None
     # Derivatives are needed at few points only: a lower order saves more time in compiling than it costs in steps.
@@ -168,32 +151,27 @@ def traced_switching(functions: Functions, dimension: int, names: Names) -> Swit
 
 @kept
 def discrete_kernel(
-    function: Callable[..., Any], dimension: int, names: Names, tangent: bool, symbolic: bool = True
+    function: Callable[..., Any],
+    dimension: int,
+    names: Names,
+    order: int,
+    symbolic: bool = True,
+    only_smooth: bool = False,
 ) -> CompiledPeriod | None:
-    """Compile one application of a discrete map ``f(t, x, p)``, or of its tangent map; None without derivatives."""
+    """Compile one application of a discrete map ``f(t, x, p)`` to states, or to curves up to derivatives of an order.
+
+    None where derivatives are not known, or, if `only_smooth`, where the map has branches.
+    """
     traced = traced_function(function, dimension, names) if symbolic else None
     if traced is None:
-        return None if tangent else _called(function, single_call, dimension, names)
+        return None if order else _called(function, single_call, dimension, names)
+    if only_smooth and traced.has_branches:
+        return None
     try:
-        traced = tangent_trace(traced) if tangent else traced
+        traced = jet_trace(traced, order)
     except UntraceableError:
         return None
     return compiled_period(application(traced), len(traced.outputs), len(names))
-
-
-@kept
-def discrete_jet_kernel(
-    function: Callable[..., Any], dimension: int, names: Names, order: int
-) -> CompiledPeriod | None:
-    """Compile one application of a discrete map ``f(t, x, p)`` to curves; None where derivatives are not known."""
-    traced = traced_function(function, dimension, names)
-    if traced is None or traced.has_branches:
-        return None
-    try:
-        jet = jet_trace(traced, order)
-    except UntraceableError:
-        return None
-    return compiled_period(application(jet), len(jet.outputs), len(names))
 
 
 @kept
@@ -206,7 +184,7 @@ def tangent_step(function: Callable[..., Any], dimension: int, names: Names) -> 
     if traced is None:
         return None
     try:
-        step = application(tangent_trace(traced))
+        step = application(jet_trace(traced, 1))
     except UntraceableError:
         return None
     return compiled_rows(step, 2 * dimension, len(names))

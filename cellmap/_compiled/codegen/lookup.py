@@ -36,8 +36,7 @@ from ..._lib.arrays import Floats, Ints
 from ..machine_code import MachineCode, machine_code, vector_width
 from . import simd_math
 from .instructions import Instructions, Value, module_text, number, total, where
-from .spline_basis import basis_polynomials
-from .spline_sum import spline_sum
+from .spline_sum import basis_polynomials, spline_sum
 
 BLOCK = 64
 

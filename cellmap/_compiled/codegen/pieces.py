@@ -3,27 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 from .expression import Expression, in_order
 from .functions import TABLE
 
-
-class BranchingGraph(Protocol):
-    """What is used here of :class:`cellmap._compiled.codegen.branches.BranchingGraph`."""
-
-    modes: bool
-
-    def apply(self, operation: str, *operands: Any) -> Expression: ...
-
-    def plain(self, operation: str, *operands: Any) -> Expression: ...
-
-    def choose(self, function: Expression, a: Any, b: Any) -> Expression: ...
-
-    def whole_part(self, a: Expression) -> Expression: ...
-
-    def difference(self, a: Any, b: Any) -> Expression: ...
-
+BranchingGraph = Any
+"""That of :mod:`cellmap._compiled.codegen.branches`, which reads what is here."""
 
 MOVING = frozenset({"state", "time", "sign"})
 _ABOVE_ZERO = 1e-12

@@ -84,14 +84,14 @@ def held_in_places(
     rows, right = [], []
     for r, place in enumerate(places):
         normal = [chosen(place, [normals[i][k] for i in sliding]) for k in range(len(base.states))]
-        rows.append([_dot(graph, normal, jump) for jump in jumps])
+        rows.append([graph.dot(normal, jump) for jump in jumps])
         rows[r][r] = apply("select", chosen(place, [one] * len(sliding)), rows[r][r], one)
-        rate = apply("add", chosen(place, drifts), _dot(graph, normal, base.outputs))
+        rate = apply("add", chosen(place, drifts), graph.dot(normal, base.outputs))
         right.append(apply("neg", rate))
     parts = _solved(graph, rows, right)
     parts = [apply("select", too_many, graph.constant(float("nan")), part) for part in parts]
     components = [
-        _dot(graph, [one, *parts], [below, *(jump[k] for jump in jumps)]) for k, below in enumerate(base.outputs)
+        graph.dot([one, *parts], [below, *(jump[k] for jump in jumps)]) for k, below in enumerate(base.outputs)
     ]
     events = list(free_events)
     for place, part in zip(places, parts, strict=True):
@@ -100,13 +100,6 @@ def held_in_places(
         for i, there in place.items():
             events[i] = apply("select", there, middle if modes[i].counts else inside, events[i])
     return components, events
-
-
-def _dot(graph: Graph, a: Sequence[Expression], b: Sequence[Expression]) -> Expression:
-    total = graph.constant(0.0)
-    for u, v in zip(a, b, strict=True):
-        total = graph.apply("add", total, graph.times(u, v))
-    return total
 
 
 def _solved(graph: Graph, rows: list[list[Expression]], right: list[Expression]) -> list[Expression]:

@@ -1,4 +1,4 @@
-"""Sums of tensor B-splines as LLVM instructions.
+"""Tensor B-splines: those of a cell as polynomials, how coefficients lie in memory, and their sums as instructions.
 
 The value of a tensor B-spline in a cell is a sum over (order + 1)^d coefficients, each with one value for each
 component of the map.  Coefficients of the last axis lie side by side with their components, so a row is a few SIMD
@@ -10,9 +10,35 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
+from fractions import Fraction
+from math import comb
 
 from .instructions import Instructions, Value, number
-from .spline_basis import WIDTH, basis_polynomials
+
+WIDTH = 4
+"""Doubles in a vector of coefficients.  Rows are padded to a multiple of it by weights of zero, so tables need WIDTH
+spare doubles."""
+
+
+@functools.cache
+def basis_polynomials(order: int) -> tuple[tuple[float, ...], ...]:
+    """Coefficients, lowest power first, of the order + 1 B-splines that live in a cell, as polynomials on [0, 1).
+
+    The k-th is the cardinal B-spline of the given order on its (order - k)-th unit interval (Schoenberg 1946).
+    """
+    rows = []
+    for k in range(order + 1):
+        row = [Fraction(0)] * (order + 1)
+        # B(u) = sum_j (-1)^j C(order+1, j) (u - j)_+^order / order!  at  u = f + order - k.
+        for j in range(order - k + 1):
+            shift = order - k - j
+            for power in range(order + 1):
+                row[power] += Fraction((-1) ** j * comb(order + 1, j) * comb(order, power) * shift ** (order - power))
+        factorial = Fraction(1)
+        for m in range(2, order + 1):
+            factorial *= m
+        rows.append(tuple(float(c / factorial) for c in row))
+    return tuple(rows)
 
 
 def spline_sum(

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ..._compiled.codegen.lookup import addresses_of, lookup_kernel
-from ..._compiled.codegen.spline_basis import WIDTH
+from ..._compiled.codegen.spline_sum import WIDTH
 from ..._compiled.kernels.labelling import Step, Table
 from ..._lib.arrays import Bools, Floats, Ints
 from ..cell_table import CellTable

@@ -6,7 +6,7 @@ from math import comb
 
 import numpy as np
 
-from ..._compiled.codegen.spline_basis import WIDTH, basis_polynomials
+from ..._compiled.codegen.spline_sum import WIDTH, basis_polynomials
 from ..._compiled.kernels.banded import solve_banded
 from ..._lib.arrays import Floats
 from ..._lib.threads import run_over, slices, thread_count

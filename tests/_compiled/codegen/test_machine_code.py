@@ -31,7 +31,7 @@ def applied(function: Any, points: Any, parameters: tuple[float, ...] = ()) -> A
     padded[:n] = points
     blocks = np.ascontiguousarray(padded.reshape(-1, LANES, d).transpose(0, 2, 1))
     names = tuple(f"p{i}" for i in range(len(parameters)))
-    kernel = discrete_kernel(lambda t, x, p: function(x, p), d, names, False)
+    kernel = discrete_kernel(lambda t, x, p: function(x, p), d, names, 0)
     assert kernel is not None
     kernel(blocks, np.ones(len(blocks), np.int64), 0.0, 1.0, np.array(parameters), np.empty_like(blocks))
     return blocks.transpose(0, 2, 1).reshape(-1, d)[:n]
@@ -144,7 +144,7 @@ def test_the_compilation_of_large_formulas_is_announced(terms: int, monkeypatch:
     monkeypatch.setattr(machine_code, "object_code", slow)
     monkeypatch.setattr(machine_code, "compiled_once", lambda text, compiled, level: compiled())
     with pytest.raises(AttributeError):  # nothing has been compiled
-        discrete_kernel(long_sum, 1, (), False)
+        discrete_kernel(long_sum, 1, (), 0)
     found = re.search(r"compiles the formulas of .*long_sum: ([\d,]+) instructions", terminal.getvalue())
     assert (found is not None) is (terms > 100)
     assert found is None or 3 * terms < int(found[1].replace(",", "")) < 10 * terms

@@ -17,7 +17,7 @@ from cellmap._compiled.kernels.blocks import LANES
 
 def over_array(name: str) -> Callable[[Any], Any]:
     """Return a function of :mod:`math` as lanes compute it, over arrays."""
-    kernel = discrete_kernel(lambda t, x, p: (getattr(math, name)(x[0]),), 1, (), False)
+    kernel = discrete_kernel(lambda t, x, p: (getattr(math, name)(x[0]),), 1, (), 0)
     assert kernel is not None
 
     def call(values: Any) -> Any:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from cellmap import ForcedSystem
-from cellmap._compiled.codegen.kernel import flow_kernel, tangent_flow_kernel, traced_function
+from cellmap._compiled.codegen.kernel import flow_kernel, jet_flow_kernel, traced_function
 from cellmap._compiled.codegen.methods import choose_method
 from cellmap._compiled.codegen.period import compiled_period, period_text
 
@@ -136,4 +136,4 @@ def test_kernels_hold_no_parameter_values(problems: Mapping[str, ForcedSystem]) 
     other = system.with_params(forcing=0.123456, damping=0.654321, frequency=1.5)
     names = tuple(system.params)
     assert flow_kernel(system.rhs, 2, names, "auto", 1e-9) is flow_kernel(other.rhs, 2, names, "auto", 1e-9)
-    assert tangent_flow_kernel(system.rhs, 2, names, 1e-12) is tangent_flow_kernel(other.rhs, 2, names, 1e-12)
+    assert jet_flow_kernel(system.rhs, 2, names, 1e-12, 1) is jet_flow_kernel(other.rhs, 2, names, 1e-12, 1)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cellmap._compiled.codegen.derivative import tangent_trace
+from cellmap._compiled.codegen.derivative import jet_trace
 from cellmap._compiled.codegen.expression import UntraceableError, in_order, is_analytic
 from cellmap._compiled.codegen.rebind import ARRAY_FUNCTIONS
 from cellmap._compiled.codegen.trace import (
@@ -174,7 +174,7 @@ def test_tangents_are_the_derivatives_that_sympy_finds(function: Callable[[Any],
 
     traced = trace(lambda t, x, p: (function(x[0]),), 1, ())
     assert traced is not None
-    tangent = tangent_trace(traced)
+    tangent = jet_trace(traced, 1)
     x = sympy.Symbol("x", positive=True)
     formula_of_x = sympy.sympify(formula, locals={"x": x})
     for place in (0.3, 1.1):
@@ -194,7 +194,7 @@ def test_the_tangent_of_a_time_dependent_coupled_system() -> None:
     traced = trace(rhs, 2, ("k",))
     assert traced is not None
     t, a, b, u, v, k = 0.7, 2.0, 3.0, 5.0, 7.0, 11.0
-    assert evaluate(tangent_trace(traced), t, [a, b, u, v], [k]) == pytest.approx(
+    assert evaluate(jet_trace(traced, 1), t, [a, b, u, v], [k]) == pytest.approx(
         [b * math.cos(t) + k, k * a * b, math.cos(t) * v, k * (a * v + b * u)]
     )
 
@@ -203,7 +203,7 @@ def test_tangents_that_are_not_known_are_refused() -> None:
     traced = empty_trace(1, 0, modes=False)
     unknown = replace(traced, outputs=(traced.graph.node("gamma", traced.states),))
     with pytest.raises(UntraceableError, match="no derivative of gamma"):
-        tangent_trace(unknown)
+        jet_trace(unknown, 1)
 
 
 SERIES = {
