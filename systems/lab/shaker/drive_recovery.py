@@ -15,16 +15,7 @@ from ...drives import VerticalDrive
 from ...harmonics import HarmonicDrive
 from ..arrays import Floats
 from ..time_series import measured_series
-from .drive_search import (
-    FEWEST_PERIODS,
-    MOST_SATURATED,
-    beyond_limits,
-    crowded,
-    dead_times,
-    find_drive,
-    saturated,
-    without,
-)
+from .drive_search import FEWEST_PERIODS, MOST_SATURATED, beyond_limits, crowded, dead_times, find_drive, saturated
 from .harmonic_fit import Fit, Record, resolution_of
 
 _SHOWN = 4  # harmonics in the text of a drive
@@ -245,11 +236,11 @@ def recover_drive(
     found = find_drive(whole, frequency, harmonics)
     dead = dead_times(whole, frequency, harmonics, found[0].rate)
     if dead.any():
-        whole, bad = without(whole, dead), bad[~dead]
+        whole, bad = whole.without(dead), bad[~dead]
         found = find_drive(whole, frequency, harmonics)
     for again in range(4 if bad.any() else 0):
         # Cut off, a wave keeps its frequency; of the rest alone the gaps would make lines.
-        found = find_drive(without(whole, bad), frequency, harmonics, found[0].rate / (2.0 * pi))
+        found = find_drive(whole.without(bad), frequency, harmonics, found[0].rate / (2.0 * pi))
         if limits is not None or again == 3 or not bad.any():
             break
         bad = beyond_limits(whole, found[0], bad)
@@ -261,7 +252,7 @@ def recover_drive(
     # The noise is itself an estimate: Student's factor makes 1.96 standard errors cover 95 % all the same.
     factors = factors * float(stats.t.ppf(0.975, degrees) / stats.norm.ppf(0.975)) ** 2
     counts = int((~here).sum() + dead.sum()), int(bad.sum())
-    return _described(without(whole, bad), fit, factors, middle, shift, scale, counts)
+    return _described(whole.without(bad), fit, factors, middle, shift, scale, counts)
 
 
 def _check_request(record: Record, frequency: float | None, harmonics: int | None) -> None:

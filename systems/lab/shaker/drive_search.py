@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from math import log, sqrt
 from typing import NamedTuple
 
@@ -11,17 +10,7 @@ import numpy as np
 from scipy import stats
 
 from ..arrays import Bools, Floats
-from .harmonic_fit import (
-    Fit,
-    Record,
-    Spectrum,
-    harmonics_by_information,
-    model,
-    noise_about,
-    periodogram,
-    refined,
-    solved,
-)
+from .harmonic_fit import Fit, Record, Spectrum, harmonics_by_information
 
 MOST_HARMONICS = 50
 FEWEST_PERIODS = 2.0
@@ -82,24 +71,24 @@ def find_drive(
     known, to `start` from (Hz), nothing else is tried.
     """
     least, strongest, chance = FEWEST_PERIODS / record.span, np.nan, 1.0
-    flat = solved(record, 1.0, 0)
-    spectrum = periodogram(record, flat.residuals)
+    flat = record.solved(1.0, 0)
+    spectrum = record.periodogram(flat.residuals)
     begins = _begins(record, spectrum, frequency) if start is None else iter([(start, 1)])
     # What a straight line leaves of a straight line is rounding, and no motion.
     for place, divisor in begins if flat.variance > 1e-22 else iter([]):
         try:
-            line = refined(record, 2.0 * np.pi * place, 1)
+            line = record.refined(2.0 * np.pi * place, 1)
             first = line.rate / (2.0 * np.pi * divisor)
             if not (least <= first and first * divisor < record.nyquist):
                 continue
             choice = chosen(record, line.rate / divisor, harmonics)
             if frequency is None and start is None:
                 choice = _fundamental(record, choice, harmonics)
-            choice = chosen(record, refined(record, choice.fit.rate, choice.harmonics).rate, harmonics)
+            choice = chosen(record, record.refined(choice.fit.rate, choice.harmonics).rate, harmonics)
             if choice.chance < chance:
                 strongest, chance = choice.fit.rate / (2.0 * np.pi), choice.chance
             if choice.chance < _CHANCE:
-                return refined(record, choice.fit.rate, choice.harmonics), choice.noise, choice.ordinates
+                return record.refined(choice.fit.rate, choice.harmonics), choice.noise, choice.ordinates
         except np.linalg.LinAlgError:
             continue
     told = f" (the strongest, at {strongest:.4g} Hz, has a chance of {chance:.2g})" if chance < 1.0 else ""
@@ -158,14 +147,14 @@ def chosen(record: Record, rate: float, harmonics: int | None) -> Choice:
     most = harmonics or max(1, min(MOST_HARMONICS, record.most_harmonics(frequency), affordable))
     while True:
         try:
-            fit = solved(record, rate, most)
+            fit = record.solved(rate, most)
             break
         except np.linalg.LinAlgError:
             if harmonics is not None or most == 1:
                 raise
             most = max(1, most // 2)
-    spectrum = periodogram(record, fit.residuals)
-    noise, count = noise_about(record, fit, spectrum, most)
+    spectrum = record.periodogram(fit.residuals)
+    noise, count = record.noise_about(fit, spectrum, most)
     kept = harmonics or harmonics_by_information(fit.gains, noise[1:], len(record.times))
     single = float(stats.f.sf(0.5 * (fit.gains / noise[1:])[:kept].max(), 2, 2 * count))
     chance = min(1.0, single * kept * max(1.0, 0.5 * len(record.times)))
@@ -239,17 +228,12 @@ def dead_times(record: Record, frequency: float | None, harmonics: int | None, r
         return dead
     for run in runs:
         dead[run] = True
-    fit = find_drive(without(record, dead), frequency, harmonics)[0]
-    missed = np.abs(model(record, fit.rate, fit.coefficients) - values)
+    fit = find_drive(record.without(dead), frequency, harmonics)[0]
+    missed = np.abs(record.model(fit.rate, fit.coefficients) - values)
     far = _FAR * sqrt(fit.variance) + record.resolution
     for run in runs:
         dead[run] = missed[run].mean() > far
     return dead
-
-
-def without(record: Record, bad: Bools) -> Record:
-    """Return a record without some samples."""
-    return replace(record, times=record.times[~bad], values=record.values[~bad])
 
 
 def beyond_limits(record: Record, fit: Fit, bad: Bools) -> Bools:
@@ -259,7 +243,7 @@ def beyond_limits(record: Record, fit: Fit, bad: Bools) -> Bools:
     within half of a step of the converter.  Judged by the fit, and not by the samples, those left are not a selection
     of the noise.
     """
-    predicted, noise = model(record, fit.rate, fit.coefficients), sqrt(fit.variance)
+    predicted, noise = record.model(fit.rate, fit.coefficients), sqrt(fit.variance)
     found = np.zeros(len(bad), bool)
     middle = 0.5 * float(record.values.max() + record.values.min())
     for side in (1.0, -1.0):

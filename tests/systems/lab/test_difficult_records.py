@@ -11,7 +11,7 @@ from recorded_drives import SHORT, SINE, TIMES, deviations, wrapped
 
 from systems import Gravity, HorizontalDrive, TorqueDrive, VerticalDrive, driven_pendulum
 from systems.lab import record_acceleration, recover_drive
-from systems.lab.shaker import harmonic_fit
+from systems.lab.shaker.harmonic_fit import Record
 
 # --- difficult records
 
@@ -105,7 +105,7 @@ def test_an_alias_is_taken_for_what_it_looks_like() -> None:
 @pytest.mark.slow
 def test_a_million_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     """Some dozens of passes with some terms each, as for a thousand samples: 230 numbers a sample."""
-    computed, original = 0, harmonic_fit._rows
+    computed, original = 0, Record._rows
 
     def rows(*arguments: Any) -> Any:
         nonlocal computed
@@ -113,7 +113,7 @@ def test_a_million_samples(monkeypatch: pytest.MonkeyPatch) -> None:
             computed += terms.size
             yield part, terms
 
-    monkeypatch.setattr(harmonic_fit, "_rows", rows)
+    monkeypatch.setattr(Record, "_rows", rows)
     times = np.arange(1_000_000) / 20_000.0
     found = recover_drive(times, record_acceleration(SINE, times, 30.0, offset=9.8))
     assert np.abs(deviations(SINE, found)).max() < 4.0
