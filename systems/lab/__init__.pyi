@@ -1,11 +1,11 @@
-from .films.circle_fit import Circle as Circle
-from .films.circle_fit import fit_circle as fit_circle
 from .films.film import Film as Film
 from .films.film import film_at_rate as film_at_rate
 from .films.film import select_frames as select_frames
 from .films.film_files import read_film as read_film
 from .films.film_files import write_film as write_film
+from .films.rod_angles import Circle as Circle
 from .films.rod_angles import JointAngles as JointAngles
+from .films.rod_angles import fit_circle as fit_circle
 from .films.rod_angles import joint_angles as joint_angles
 from .films.tracking import track_markers as track_markers
 from .films.tracks import Gap as Gap

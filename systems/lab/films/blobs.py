@@ -270,12 +270,10 @@ def slope_inside(
     rest = grey - fit @ design
     variance = max(float(noise.variance(grey.mean())), float(rest @ rest) / (grey.size - 4), 1e-12)
     slope, squares = fit[:2], variance * inverse[:2, :2]
-    (a, b), (_, c) = squares.tolist()
-    s, t = slope.tolist()
-    determinant, beyond = a * c - b * b, c * s * s - 2.0 * b * s * t + a * t * t
-    if determinant <= 0.0 or beyond <= _CHANCE * determinant:
+    beyond = float(slope @ np.linalg.solve(squares, slope))
+    if beyond <= _CHANCE:
         return none, none
-    taken = 1.0 - (_CHANCE * determinant / beyond) ** 2
+    taken = 1.0 - (_CHANCE / beyond) ** 2
     return taken * slope, np.sqrt(np.diag(squares))
 
 

@@ -6,7 +6,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -162,33 +162,30 @@ def _file(imageio: Any, path: Path) -> tuple[NDArray[Any], list[float] | None]:
     if suffix in _VIDEOS:
         _needs_video()
         rate = float(imageio.immeta(path, plugin="pyav").get("fps", 0.0))
-        grey = [_grey(frame) for frame in imageio.imiter(path, plugin="pyav")]
-        return _stack(grey, path), [1.0 / rate] * len(grey) if rate > 0.0 else None
+        frames = _stack(imageio.imiter(path, plugin="pyav"), path)
+        return frames, [1.0 / rate] * len(frames) if rate > 0.0 else None
     with imageio.imopen(path, "r", plugin="pillow") as source:
-        count = int(source.properties(index=...).n_images or 1)
-        grey, shown = [], []
-        for k in range(count):
-            grey.append(_grey(source.read(index=k)))
-            if k == 0:
-                claim_memory(f"{count:,} frames", count * grey[0].nbytes, "take fewer or smaller frames")
+        count, shown = int(source.properties(index=...).n_images or 1), []
+
+        def image(k: int) -> NDArray[Any]:
             shown.append(float(source.metadata(index=k).get("duration", 0.0)) / 1000.0)
-    return _stack(grey, path), shown if suffix == ".gif" else None
+            return source.read(index=k)
+
+        return _stack(map(image, range(count)), path, count), shown if suffix == ".gif" else None
 
 
 def _images(imageio: Any, folder: Path) -> tuple[NDArray[Any], None]:
     found = [p for p in folder.iterdir() if p.suffix.lower() in _IMAGES and not p.name.startswith(".")]
-    names = sorted(found, key=_by_number)
-    if not names:
+    if not found:
         raise StoreError(f"{str(folder)!r} holds no images: give a folder of {', '.join(_IMAGES)}")
-    grey = []
-    for name in names:
+
+    def image(name: Path) -> NDArray[Any]:
         try:
-            grey.append(_grey(imageio.imread(name)))
+            return imageio.imread(name)
         except Exception as error:
             raise StoreError(f"{str(name)!r} is truncated or no image: {error}") from error
-        if len(grey) == 1:
-            claim_memory(f"{len(names):,} frames", len(names) * grey[0].nbytes, "take fewer or smaller frames")
-    return _stack(grey, folder), None
+
+    return _stack(map(image, sorted(found, key=_by_number)), folder, len(found)), None
 
 
 def _by_number(path: Path) -> tuple[list[tuple[str, int]], str]:
@@ -212,13 +209,19 @@ def _grey(image: NDArray[Any]) -> NDArray[Any]:
     return values
 
 
-def _stack(grey: Sequence[NDArray[Any]], path: Path) -> NDArray[Any]:
+def _stack(images: Iterable[NDArray[Any]], path: Path, count: int = 0) -> NDArray[Any]:
+    """Return images in grey as one array; how many there are is known of files that could fill the memory."""
+    grey: list[NDArray[Any]] = []
+    for image in images:
+        grey.append(_grey(image))
+        if len(grey) == 1:
+            claim_memory(f"{count:,} frames", count * grey[0].nbytes, "take fewer or smaller frames")
     if not grey:
         raise StoreError(f"{str(path)!r} holds no frame")
     kinds = {(frame.shape, frame.dtype.name) for frame in grey}
     if len(kinds) > 1:
         raise StoreError(f"{str(path)!r} holds frames of different sizes or kinds: {sorted(kinds, key=str)}")
-    return np.stack(list(grey))
+    return np.stack(grey)
 
 
 def _write_folder(imageio: Any, film: Film, folder: Path) -> None:

@@ -184,20 +184,17 @@ def _middle(t: Floats, x: Floats, noise: float) -> float:
     A swing that loses most of its height at once is not about the middle of all angles: then their median is near it.
     """
     begin = 0.5 * float(np.nanmin(x) + np.nanmax(x))
-    found = (_middle_from(start, t, x, noise) for start in (begin, float(np.nanmedian(x))))
-    return next((middle for middle in found if middle is not None), begin)
-
-
-def _middle_from(middle: float, t: Floats, x: Floats, noise: float) -> float | None:
-    """Return the same from a first guess; None where too few extremes are about it."""
-    for _ in range(_ROUNDS):
-        found = _extremes(t, x, middle, noise)
-        values = np.array([middle + e.side * e.height for e in found])
-        rotations = [k for k in range(1, len(found) - 1) if found[k - 1].side == found[k + 1].side != found[k].side]
-        if not rotations:
-            return None
-        middle = float(np.median([(values[k - 1] + 2.0 * values[k] + values[k + 1]) / 4.0 for k in rotations]))
-    return middle
+    for middle in (begin, float(np.nanmedian(x))):
+        for _ in range(_ROUNDS):
+            found = _extremes(t, x, middle, noise)
+            values = np.array([middle + e.side * e.height for e in found])
+            rotations = [k for k in range(1, len(found) - 1) if found[k - 1].side == found[k + 1].side != found[k].side]
+            if not rotations:  # too few extremes are about it
+                break
+            middle = float(np.median([(values[k - 1] + 2.0 * values[k] + values[k + 1]) / 4.0 for k in rotations]))
+        else:
+            return middle
+    return begin
 
 
 def _half_swings(x: Floats, clear: float) -> list[tuple[int, int, int]]:

@@ -129,14 +129,11 @@ class RecoveredDrive:
         """Return the phases of the lowest and the highest acceleration (rad), and the two values."""
         turned = 2.0 * pi * np.arange(_PHASES) / _PHASES
         values = self.acceleration(turned / (2.0 * pi * self.frequency))
-        places, found = [], []
-        for top in (int(np.argmin(values)), int(np.argmax(values))):
-            before, here, after = values[top - 1], values[top], values[(top + 1) % _PHASES]
-            bend = before - 2.0 * here + after
-            shift = 0.5 * (before - after) / bend if bend else 0.0
-            places.append(turned[top] + shift * 2.0 * pi / _PHASES)
-            found.append(here - 0.25 * (before - after) * shift)
-        return np.array(places), np.array(found)
+        tops = np.array([np.argmin(values), np.argmax(values)])
+        before, here, after = values[tops - 1], values[tops], values[(tops + 1) % _PHASES]
+        bend = before - 2.0 * here + after
+        shifts = np.divide(0.5 * (before - after), bend, out=np.zeros(2), where=bend != 0.0)
+        return turned[tops] + shifts * 2.0 * pi / _PHASES, here - 0.25 * (before - after) * shifts
 
 
 def recover_drive(
