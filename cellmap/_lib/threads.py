@@ -68,20 +68,21 @@ def slices(total: int, size: int) -> list[slice]:
     return [slice(i, min(i + size, total)) for i in range(0, total, size)]
 
 
-def run_over(tasks: Sequence[Any], work: Callable[[Any], None], progress: str | None = None) -> None:
-    """Call ``work(task)`` for every task, on all threads; an exception or Ctrl-C stops the rest.
+def run_over(tasks: Sequence[Task], work: Callable[[Task], Result], progress: str | None = None) -> list[Result]:
+    """Return ``work(task)`` for every task, from all threads; an exception or Ctrl-C stops the rest.
 
     Tasks that are under way then end where they look for it next, as every call of a compiled loop does.
     """
     with progress_bar(len(tasks), progress) as advance:
         if thread_count() == 1 or len(tasks) == 1:
+            results = []
             for task in tasks:
-                work(task)
+                results.append(work(task))
                 advance(1)
-            return
+            return results
         pool, stop = _taken(threads := thread_count()), Stop(parent=heeded())
         try:
-            done: SimpleQueue[Future[None]] = SimpleQueue()
+            done: SimpleQueue[Future[Result]] = SimpleQueue()
             futures = [pool.submit(_until, stop, work, task) for task in tasks]
             for future in futures:
                 future.add_done_callback(done.put)
@@ -93,6 +94,7 @@ def run_over(tasks: Sequence[Any], work: Callable[[Any], None], progress: str | 
             _ended(pool, stop)
             raise
         _given_back(threads, pool)
+        return [future.result() for future in futures]
 
 
 def results_of(tasks: Sequence[Task], work: Callable[[Task], Result]) -> Iterator[tuple[Task, Result]]:

@@ -146,12 +146,7 @@ def zero_one_test_of_series(
         raise ValueError(f"series has the shape {given.shape}: give at least one series")
     count = affordable_number("n_frequencies", n_frequencies, 200 * length, at_least=20)
     chosen = np.sort(random_numbers(rng).uniform(*_FREQUENCIES, count))
-    growth = np.empty((count, columns.shape[1]))
-
-    def work(k: int) -> None:
-        growth[:, k] = np.sort(_correlations(columns[:, k], chosen))
-
-    run_over(range(columns.shape[1]), work)
+    growth = np.stack(run_over(list(columns.T), lambda column: np.sort(_correlations(column, chosen))), axis=1)
     from scipy.stats import binom
 
     rank = int(binom.ppf(0.5 * (1.0 - confidence), count, 0.5))

@@ -148,14 +148,8 @@ def _hits(boxes: BoxSet, point_map: PointMap, samples: Samples, steps: int) -> l
         raise ValueError(f"samples={samples!r}: give a number of points along each axis, or 'adaptive'")
     size = _BATCH if adaptive else max(1, CHUNK // points_in(samples, boxes.grid.dimension))
     parts = slices(len(boxes), size)
-    results: list[Hits] = [None] * len(parts)  # type: ignore[list-item]
     work = _Work(point_map, boxes, Locator.of(boxes.grid, point_map.coordinates), steps)
-
-    def fill(k: int) -> None:
-        results[k] = work.adaptive(parts[k]) if adaptive else work.regular(parts[k], int(samples))
-
-    run_over(range(len(parts)), fill)
-    return results
+    return run_over(parts, work.adaptive if adaptive else lambda part: work.regular(part, int(samples)))
 
 
 def check_boxes(boxes: BoxSet, point_map: PointMap) -> None:

@@ -150,14 +150,10 @@ def _transitions(
     each = samples if isinstance(samples, int) else int(np.prod(samples))
     taken, states = grid.size * each, grid.size + 2
     claim_memory(f"a chain of {grid.size:,} cells with {each} samples", 26 * taken + 64 * states, "take fewer of them")
-    parts = slices(grid.size, max(1, CHUNK // each))
-    rows: dict[int, tuple[Ints, NDArray[Any], Floats]] = {}
-    missed = np.zeros(len(parts), np.int64)
     lattice = None if isinstance(samples, int) else middles(samples)
     index = np.int32 if max(taken, states) < 2**31 else np.int64
 
-    def work(number: int) -> None:
-        part = parts[number]
+    def work(part: slice) -> tuple[Ints, NDArray[Any], Floats, int]:
         rng = np.random.default_rng([seed, part.start])
         cells = np.arange(part.start, part.stop)
         places = rng.uniform(-0.5, 0.5, (len(cells), each, grid.dimension)) if lattice is None else lattice
@@ -165,17 +161,17 @@ def _transitions(
         orbits = images_of(point_map, points, periods, None if noise is None else _kick(noise, rng, grid.dimension))
         found = cells_of(point_map, grid, orbits)
         hits = tallied(np.where(found < 0, states + found, found), np.arange(len(cells)), each)
-        counts = np.bincount(hits.rows, minlength=len(cells))
-        rows[number] = counts, hits.targets.astype(index), hits.counts / each
-        missed[number] = np.count_nonzero(orbits.status == Status.INACCURATE)
+        counts = np.bincount(hits.rows, minlength=len(cells)).astype(np.int64)
+        missed = int(np.count_nonzero(orbits.status == Status.INACCURATE))
+        return counts, hits.targets.astype(index), hits.counts / each, missed
 
-    run_over(range(len(parts)), work, f"chain of cells of {point_map.name}" if progress else None)
-    counts = np.concatenate([[0], *(rows[k][0] for k in range(len(parts))), [1, 1]])
+    parts = slices(grid.size, max(1, CHUNK // each))
+    rows = run_over(parts, work, f"chain of cells of {point_map.name}" if progress else None)
+    counts, targets, probabilities, missed = zip(*rows, strict=True)
+    begin = np.cumsum(np.concatenate([[0], *counts, [1, 1]])).astype(index)
     sinks = np.array([states + DIVERGED, states + LEFT], index)
-    targets = np.concatenate([*(rows[k][1] for k in range(len(parts))), sinks])
-    probabilities = np.concatenate([*(rows[k][2] for k in range(len(parts))), np.ones(2)])
-    matrix = csr_array((probabilities, targets, np.cumsum(counts).astype(index)), shape=(states, states))
-    return matrix, int(missed.sum()), taken
+    entries = np.concatenate([*probabilities, np.ones(2)]), np.concatenate([*targets, sinks])
+    return csr_array((*entries, begin), shape=(states, states)), sum(missed), taken
 
 
 def _kick(noise: Noise, rng: np.random.Generator, dimension: int) -> Callable[[int], Floats]:

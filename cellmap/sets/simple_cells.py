@@ -255,23 +255,21 @@ def _assembled(
         old = part.images.ravel()
         images[place] = np.where(old >= 0, place[old], old)
     missing: range | Ints = np.flatnonzero(images == _UNKNOWN) if parts else range(grid.size)
-    pieces = slices(len(missing), CHUNK)
-    none = np.empty(0, np.int64), np.empty((0, grid.dimension))
-    strays = [none] * (len(pieces) + 1)
-    missed = np.zeros(len(pieces), np.int64)
 
-    def work(number: int) -> None:
-        mine = np.asarray(missing[pieces[number]])
+    def work(piece: slice) -> tuple[Ints, Floats, int]:
+        mine = np.asarray(missing[piece])
         orbits = images_of(point_map, centres_of(grid, mine), periods)
         images[mine] = found = cells_of(point_map, grid, orbits)
         astray = np.flatnonzero((found == LEFT) & np.isfinite(orbits.points).all(axis=-1))
-        strays[number] = mine[astray], orbits.points[astray]
-        missed[number] = np.count_nonzero(orbits.status == Status.INACCURATE)
+        return mine[astray], orbits.points[astray], int(np.count_nonzero(orbits.status == Status.INACCURATE))
 
-    run_over(range(len(pieces)), work, f"mapping cells of {point_map.name}" if progress else None)
-    warn_of_inaccurate(int(missed.sum()), len(missing))
+    label = f"mapping cells of {point_map.name}" if progress else None
+    mapped = run_over(slices(len(missing), CHUNK), work, label)
+    missed = sum(count for *_, count in mapped)
+    warn_of_inaccurate(missed, len(missing))
     known = [(place[part.stray_cells], part.stray_images) for part, place in zip(parts, places, strict=True)]
-    cells, points = (np.concatenate(column) for column in zip(*known, *strays, strict=True))
+    known += [(np.empty(0, np.int64), np.empty((0, grid.dimension))), *((rows, ends) for rows, ends, _ in mapped)]
+    cells, points = (np.concatenate(column) for column in zip(*known, strict=True))
     cells, first = np.unique(cells, return_index=True)
     points = points[first]
     images[cells] = cells_of(point_map, grid, Orbits.starting(points.copy()))
@@ -289,7 +287,7 @@ def _assembled(
         point_map=point_map,
         stray_cells=cells[outside],
         stray_images=points[outside],
-        inaccurate=sum(part.inaccurate for part in parts) + int(missed.sum()),
+        inaccurate=sum(part.inaccurate for part in parts) + missed,
         cost=Cost(
             sum(part.cost.seconds for part in parts) + time.perf_counter() - began,
             sum(part.cost.steps for part in parts) + len(missing) * periods,

@@ -176,17 +176,17 @@ def _pairs(space: Space, rising: Floats, theiler: int, norm: float) -> Ints:
     blocks = [points[first:last] for first, last in pairwise(edges)]
     trees = [cKDTree(block, boxsize=circle) for block in blocks]
     both = list(combinations_with_replacement(range(_BLOCKS), 2))
-    found = np.zeros((len(both), len(rising)), np.int64)
 
-    def work(number: int) -> None:
-        mine, tree = blocks[both[number][0]], trees[both[number][1]]
+    def work(pair: tuple[int, int]) -> Ints:
+        mine, tree = blocks[pair[0]], trees[pair[1]]
+        found = np.zeros(len(rising), np.int64)
         for some in slices(len(mine), max(256, _PAIRS_AT_ONCE // tree.n)):
             check_stop()
-            found[number] += cKDTree(mine[some], boxsize=circle).count_neighbors(tree, rising, p=norm)
+            found += cKDTree(mine[some], boxsize=circle).count_neighbors(tree, rising, p=norm)
+        return found
 
-    run_over(range(len(both)), work)
     counts = np.zeros((_BLOCKS, len(rising)), np.int64)
-    for pair, close in zip(both, found, strict=True):
+    for pair, close in zip(both, run_over(both, work), strict=True):
         counts[list(set(pair))] += close
     counts -= np.diff(edges)[:, None]  # each with itself
     for lag in range(1, theiler + 1):

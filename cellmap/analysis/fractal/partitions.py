@@ -209,14 +209,10 @@ def over_offsets(
         shifts = random_numbers(rng).random((offsets, space.dimension))
     if sizes is not None and not space.extent / sizes.min() < 2.0**_KEY_BITS:
         raise ValueError(f"sizes={shown(sizes)}: boxes of the smallest size cannot be numbered; give larger ones")
-    found: dict[int, Floats] = {}
 
-    def work(number: int) -> None:
+    def work(shift: Floats) -> NDArray[Any]:
         if sizes is None:
-            parts = [dyadic_partition(space, shifts[number], ordered)]
-        else:
-            parts = [partition(space, float(s), shifts[number], ordered) for s in sizes]
-        found[number] = np.concatenate([measure(p) for p in parts])
+            return measure(dyadic_partition(space, shift, ordered))
+        return np.concatenate([measure(partition(space, float(s), shift, ordered)) for s in sizes])
 
-    run_over(range(len(shifts)), work)
-    return np.array([found[k] for k in range(len(shifts))], dtype=float)
+    return np.asarray(run_over(list(shifts), work), dtype=np.float64)

@@ -212,18 +212,16 @@ def _count(
     states: FinalStates, distance: float, number: int, counted: tuple[int, ...], seed: tuple[int, int, int]
 ) -> Ints:
     """Draw pairs; return how many there are, are uncertain, are left out, and hold an undecided initial condition."""
-    parts = slices(number, _HALF)
-    counts = np.zeros((len(parts), 4), np.int64)
 
-    def draw(k: int) -> None:
-        n = parts[k].stop - parts[k].start
-        labels = states.label(_pairs(states.region, distance, n, np.random.default_rng((*seed, k)))).reshape(2, n)
+    def draw(part: slice) -> Ints:
+        n, rng = part.stop - part.start, np.random.default_rng((*seed, part.start // _HALF))
+        labels = states.label(_pairs(states.region, distance, n, rng)).reshape(2, n)
         valid = ((labels >= 0) | np.isin(labels, counted)).all(axis=0)
         undecided = (labels == Label.UNDECIDED).any(axis=0) & ~valid
-        counts[k] = n, np.count_nonzero(valid & (labels[0] != labels[1])), n - valid.sum(), undecided.sum()
+        uncertain = valid & (labels[0] != labels[1])
+        return np.array([n, uncertain.sum(), n - valid.sum(), undecided.sum()], np.int64)
 
-    run_over(range(len(parts)), draw)
-    return np.asarray(counts.sum(axis=0))
+    return np.asarray(np.sum(run_over(slices(number, _HALF), draw), axis=0))
 
 
 def _pairs(region: CellGrid, distance: float, n: int, rng: np.random.Generator) -> Floats:
