@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from ..._lib.arrays import Bools, Floats, Ints
 from ...attractors.labels import Label
-from ...basins.classification import places_of
+from ...basins.classification import Labeller, places_of
 from ...basins.record import Basins
 from ...maps.coordinates import Coordinate, difference, turns_of, wrap
 
@@ -21,6 +22,36 @@ _CANDIDATES = 4
 _CLOSE = 1.5  # times the distance of the nearest foreign cell, within which candidates are chosen
 
 Fatal = Callable[[Floats], Bools]
+
+
+@dataclass(frozen=True, eq=False)
+class Trials:
+    """Trials of shocks (n, m) along the free coordinates, in units of length: which lead out of basin k.
+
+    The numbers of shocks that were not decided, which count as not fatal, are kept.
+    """
+
+    label: Labeller
+    k: int
+    unit: Floats
+    free: Ints
+    undecided: list[int] = field(default_factory=list)
+
+    def displacements(self, shocks: Floats) -> Floats:
+        """Return shocks along all coordinates, in the units of these."""
+        full = np.zeros((len(shocks), len(self.unit)))
+        full[:, self.free] = shocks * self.unit[self.free]
+        return full
+
+    def at(self, origin: Floats) -> Fatal:
+        """Return what tells which shocks to a state are fatal."""
+
+        def fatal(shocks: Floats) -> Bools:
+            found = self.label(origin + self.displacements(shocks))
+            self.undecided.append(int(np.count_nonzero(found == Label.UNDECIDED)))
+            return np.asarray((found != self.k) & (found != Label.UNDECIDED))
+
+        return fatal
 
 
 def nearest_foreign(
@@ -83,6 +114,21 @@ def candidates_of(basins: Basins, k: int, origins: Floats, unit: Floats, free: I
         )
     found.sort(key=lambda f: f[0])
     return [(row, shock) for _, row, shock in found]
+
+
+def shortest_of(
+    trials: Trials, origins: Floats, candidates: list[tuple[int, Floats]], rng: np.random.Generator
+) -> tuple[float, int, Floats]:
+    """Return the size of the smallest fatal candidate, and the shortest shock to which they lead, with its origin."""
+    # A label of a table, which the exact map does not share, is no candidate.
+    known = [(row, shock) for row, shock in candidates if trials.at(origins[row])(shock[None])[0]]
+    if not known:
+        raise ValueError(
+            "basins: no labelled initial condition outside the basin is confirmed by the map; take a finer grid"
+        )
+    found = [(row, shortened(trials.at(origins[row]), shock, COARSE, rng)) for row, shock in known]
+    row, best = min(found, key=lambda one: float(np.linalg.norm(one[1])))
+    return min(float(np.linalg.norm(shock)) for _, shock in known), row, best
 
 
 def shortened(fatal: Fatal, shock: Floats, finest: float, rng: np.random.Generator) -> Floats:

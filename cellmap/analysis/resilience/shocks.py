@@ -8,17 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..._lib.arrays import Bools, Floats, Ints
+from ..._lib.arrays import Floats, Ints
 from ..._lib.binomial import binomial_interval
 from ..._lib.checks import affordable_number, listed, shown, whole_number
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
-from ...attractors.labels import Label
 from ...basins.classification import labeller, own_label, scale_of, span_of
 from ...basins.record import Basins
 from ...maps.coordinates import Coordinate, state_points, wrap
 from ...maps.point_map import PointMap
-from .shock_search import COARSE, FINE, Fatal, bracketed, candidates_of, fatal_inside, shortened
+from .shock_search import FINE, Trials, bracketed, candidates_of, fatal_inside, shortened, shortest_of
 
 _ROUNDS = 12  # of looking for smaller shocks elsewhere
 
@@ -157,63 +156,25 @@ def minimal_fatal_shock(
     origins = basins.attractors[k].points if point is None else state_points("point", point, coordinates)[None]
     if origins.ndim != 2:
         raise ValueError(f"point={shown(point)}: give one state")
-    tally: list[int] = []
-
-    def fatal_from(origin: Floats) -> Fatal:
-        def fatal(shocks: Floats) -> Bools:
-            full = np.zeros((len(shocks), d))
-            full[:, free] = shocks * unit[free]
-            found = labels_of(origin + full)
-            tally.append(int(np.count_nonzero(found == Label.UNDECIDED)))
-            return np.asarray((found != k) & (found != Label.UNDECIDED))
-
-        return fatal
-
+    trials = Trials(labels_of, k, unit, free)
     home = labels_of(origins)
     if (home != k).any():
-        raise ValueError(f"point: the state {origins[np.argmax(home != k)].tolist()} has the label "
-                         f"{int(home[home != k][0])}, not {k}; give a state in the basin")  # fmt: skip
-    candidates = candidates_of(basins, k, origins, unit, free)
+        place, own = origins[np.argmax(home != k)].tolist(), int(home[home != k][0])
+        raise ValueError(f"point: the state {place} has the label {own}, not {k}; give a state in the basin")
     rng = random_numbers(rng)
-    best: tuple[float, int, Floats] | None = None
-    nearest = np.inf
-    for row, shock in candidates:
-        fatal = fatal_from(origins[row])
-        if not fatal(shock[None])[0]:
-            continue  # a label of a table, which the exact map does not share
-        nearest = min(nearest, float(np.linalg.norm(shock)))
-        shock = shortened(fatal, shock, COARSE, rng)
-        size = float(np.linalg.norm(shock))
-        if best is None or size < best[0]:
-            best = (size, row, shock)
-    if best is None:
-        raise ValueError(
-            "basins: no labelled initial condition outside the basin is confirmed by the map; take a finer grid"
-        )
-    _, row, shock = best
-    fatal, rows = fatal_from(origins[row]), np.arange(len(origins))
-    inside = 0
+    nearest, row, shock = shortest_of(trials, origins, candidates_of(basins, k, origins, unit, free), rng)
+    rows = np.array([row])
     for _ in range(_ROUNDS):
-        shock = shortened(fatal, shock, FINE, rng)
-        trial_rows = np.array([row]) if point is not None else rng.choice(rows, min(len(rows), 8), replace=False)
-        trial_rows = np.unique(np.append(trial_rows, row))
-        hits = [fatal_inside(fatal_from(origins[r]), shock, tried // len(trial_rows) + 1, rng) for r in trial_rows]
-        inside = sum(len(h) for h in hits)
+        shock = shortened(trials.at(origins[row]), shock, FINE, rng)
+        others = [row] if point is not None else rng.choice(len(origins), min(len(origins), 8), replace=False)
+        rows = np.unique(np.append(others, row))
+        each = tried // len(rows) + 1
+        inside = [(r, hit) for r in rows for hit in fatal_inside(trials.at(origins[r]), shock, each, rng)]
         if not inside:
             break
-        row, shock = min(
-            (
-                (int(r), h[np.argmin(np.linalg.norm(h, axis=1))])
-                for r, h in zip(trial_rows, hits, strict=True)
-                if len(h)
-            ),
-            key=lambda found: float(np.linalg.norm(found[1])),
-        )
-        fatal = fatal_from(origins[row])
-    shock, bracket = bracketed(fatal, shock)
-    full = np.zeros(d)
-    full[free] = shock * unit[free]
-    count = sum(tried // len(trial_rows) + 1 for _ in trial_rows)
+        row, shock = min(inside, key=lambda found: float(np.linalg.norm(found[1])))
+    shock, bracket = bracketed(trials.at(origins[row]), shock)
+    full = trials.displacements(shock[None])[0]
     return FatalShock(
         label=k,
         point=origins[row].copy(),
@@ -223,10 +184,10 @@ def minimal_fatal_shock(
         reached=int(labels_of((origins[row] + full)[None])[0]),
         scale=unit,
         from_image=nearest,
-        tested=count,
-        inside_fatal=inside,
-        inside_high=float(binomial_interval(inside, count)[1]),
-        undecided=sum(tally),
+        tested=each * len(rows),
+        inside_fatal=len(inside),
+        inside_high=float(binomial_interval(len(inside), each * len(rows))[1]),
+        undecided=sum(trials.undecided),
         coordinates=coordinates,
     )
 
