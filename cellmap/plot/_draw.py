@@ -19,7 +19,6 @@ FIGURES: dict[type, Callable[..., Any]] = {}
 """The figure of each record, of those modules that are imported."""
 
 _ROOM = __name__.rpartition(".")[0]
-_LIBRARY = _ROOM.partition(".")[0]
 
 
 def figure(function: F) -> F:
@@ -29,9 +28,7 @@ def figure(function: F) -> F:
     """
     held = checked(function)
     hint = get_type_hints(function)[next(iter(inspect.signature(function).parameters))]
-    FIGURES.update(
-        {kind: held for kind in (hint, *get_args(hint)) if getattr(kind, "__module__", "").startswith(_LIBRARY)}
-    )
+    FIGURES.update({kind: held for kind in (hint, *get_args(hint)) if isinstance(kind, type) and kind is not Any})
     return held
 
 

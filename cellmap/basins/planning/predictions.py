@@ -284,8 +284,8 @@ def _option(
     measured: Measurements, source: ExactProbe, probe: TableProbe | None = None, grid: CellGrid | None = None
 ) -> Option:
     """Predict direct integration, or a table on a grid."""
-    starts, ratio = measured.initial_conditions, source.seconds / measured.base.seconds
-    memory, error, tabulation = basins_memory(starts), source.error, 0.0
+    count, ratio = measured.initial_conditions, source.seconds / measured.base.seconds
+    memory, error, tabulation = basins_memory(count), source.error, 0.0
     each, search = ratio * measured.direct.per_point, ratio * measured.direct.fixed
     if probe is not None and grid is not None:
         memory += table_memory(grid, probe.order)
@@ -303,7 +303,7 @@ def _option(
         shape=None if grid is None else grid.shape,
         error=error,
         tabulation=tabulation,
-        iteration=each * starts / parallel(starts, measured.threads),  # slices of work are not divided
+        iteration=each * count / parallel(count, measured.threads),  # slices of work are not divided
         search=search,
         memory=memory,
         obstacle="" if held else f"needs {in_bytes(memory)} of memory, {in_bytes(measured.free or 0)} are free",

@@ -1,0 +1,103 @@
+"""A new record: what follows from its layout, its types and the annotations of what makes and draws it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+
+from cellmap import plot
+from cellmap._lib.arrays import Floats, Ints
+from cellmap._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Layout
+from cellmap._lib.signatures import makers
+from cellmap.attractors.labels import Label
+from cellmap.exchange import from_xarray, to_dataframe
+from cellmap.exchange.records import _Read
+from cellmap.maps import Coordinate, angle
+from cellmap.plot._draw import FIGURES, figure
+
+
+@dataclass(frozen=True, eq=False)
+class Decay(ConvertsToXarray, ConvertsToDataFrame):
+    """Numbers over a parameter."""
+
+    _layout: ClassVar = Layout(
+        "Decay of {0.name}",
+        {"values": Array("{parameter}", "{0.parameter}", "{parameter}")},
+        {"rate": Array("{parameter}", "rate of decay", unit="1/s"), "ends": Array("{parameter}", flags=Label)},
+        {"bound": "upper_bound"},
+    )
+    _made_by: ClassVar = "decay_of"
+
+    name: str
+    parameter: str
+    values: Floats
+    rate: Floats
+    ends: Ints
+    bound: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Paths(ConvertsToXarray):
+    """Points of state variables."""
+
+    _layout: ClassVar = Layout("Paths", {}, {"points": Array("path", name="end_{state}"), "twice": Array("path")})
+
+    points: Floats
+    coordinates: tuple[Coordinate, ...]
+
+    @property
+    def twice(self) -> Floats:
+        return 2.0 * self.points[:, 0]
+
+
+DECAY = Decay("rods", "my rate", np.array([1.0, 2.0]), np.array([0.5, 0.25]), np.array([-1, -2]), 3.0)
+
+
+def test_variables_attributes_and_a_table_follow():
+    found = DECAY.to_xarray()
+    assert found.attrs["title"] == "Decay of rods" and found.attrs["record"] == "Decay"
+    assert (found.attrs["system"], found.attrs["upper_bound"], found.attrs["parameter"]) == ("rods", 3.0, "my rate")
+    assert found["rate"].dims == ("my_rate",) and found["rate"].attrs == {"long_name": "rate of decay", "units": "1/s"}
+    assert found["my_rate"].attrs == {"long_name": "my rate"} and "my_rate" in found.coords
+    assert found["ends"].attrs["flag_values"].tolist()[0] == int(next(iter(Label)))
+    assert to_dataframe(DECAY)["rate"].tolist() == [0.5, 0.25]
+
+
+def test_it_is_read_by_its_types():
+    again = _Read(DECAY.to_xarray()).record(Decay)
+    assert (again.name, again.parameter, again.bound) == ("rods", "my rate", 3.0)
+    assert again.rate.dtype == np.float64 and again.ends.tolist() == [-1, -2]
+    with pytest.raises(ValueError, match="rate is int64"):
+        _Read(DECAY.to_xarray().assign(rate=DECAY.to_xarray()["rate"].astype(np.int64))).record(Decay)
+    with pytest.raises(ValueError, match="record='Decay': give what to_xarray"):
+        from_xarray(DECAY.to_xarray())  # which is no public record
+
+
+def test_state_variables_have_an_array_each():
+    paths = Paths(np.array([[0.1, 2.0], [0.2, 3.0]]), (angle("theta"), Coordinate("v", "m/s")))
+    found = paths.to_xarray()
+    assert set(found.variables) == {"end_theta", "end_v", "twice"}
+    assert found["end_v"].attrs == {"long_name": "v", "units": "m/s"}
+    again = _Read(found).record(Paths)
+    np.testing.assert_array_equal(again.points, paths.points)
+    assert again.coordinates == paths.coordinates
+
+
+def test_a_figure_is_known_by_its_first_argument():
+    @figure
+    def decay(result: Decay, *, ax: Axes | None = None) -> Axes:
+        found = plt.figure().subplots() if ax is None else ax
+        found.plot(result.values, result.rate)
+        return found
+
+    try:
+        assert len(plot.draw(DECAY).lines) == 1
+        assert makers(Decay) == "decay_of"
+    finally:
+        del FIGURES[Decay]
+        plt.close("all")
