@@ -51,18 +51,6 @@ class Examination:
     reasons: tuple[Reason, ...]
 
 
-def chaotic_attractors(
-    point_map: PointMap,
-    states: Floats,
-    extent: Floats | None = None,
-    known: Sequence[Attractor] = (),
-    age: int = 0,
-    late: Late | None = None,
-) -> list[Attractor]:
-    """Return the chaotic attractors that :func:`examine` finds."""
-    return list(examine(point_map, states, extent, known, age, late).attractors)
-
-
 def examine(
     point_map: PointMap,
     states: Floats,
@@ -131,22 +119,20 @@ def examine(
             groups.append(mine)
     found = []
     for mine, cover in zip(*_apart(history, groups, lower, widths, point_map), strict=True):
-        spectrum = -np.sort(-exponents[mine], axis=-1)
-        found.append(
-            Attractor(
-                Kind.CHAOTIC,
-                0,
-                history[:, mine].reshape(-1, point_map.dimension),
-                (0,) * point_map.dimension,
-                np.empty(0, complex),
-                spectrum.mean(axis=0),
-                point_map.coordinates,
-                cover=cover,
-                resolution=_resolution(clouds, mine, cover),
-            )
-        )
+        points, spectrum = history[:, mine].reshape(-1, point_map.dimension), -np.sort(-exponents[mine], axis=-1)
+        resolved = _resolution(clouds, mine, cover)
+        found.append(aperiodic(Kind.CHAOTIC, points, spectrum.mean(axis=0), point_map, cover, resolution=resolved))
         reasons[rows[mine]] = None
     return Examination(tuple(found), tuple(Reason(r) for r in reasons if r is not None))
+
+
+def aperiodic(
+    kind: Kind, points: Floats, exponents: Floats, point_map: PointMap, cover: Cover, **more: Any
+) -> Attractor:
+    """Return an attractor that has no period and no multipliers."""
+    still = (0,) * point_map.dimension
+    none = np.empty(0, complex)
+    return Attractor(kind, 0, points, still, none, exponents, point_map.coordinates, cover=cover, **more)
 
 
 def _resolution(clouds: Clouds, members: Ints, cover: Cover) -> Floats:

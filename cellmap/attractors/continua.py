@@ -19,8 +19,9 @@ from ..orbits.attractor import Attractor, Cover, Kind
 from ..orbits.multipliers import multipliers_of
 from ..orbits.newton import resolution
 from .boxes import boxes_around, boxes_of, inside_cover, moved_boxes
+from .matching import thinned
 from .neutral_segments import DENSE, densely, traced
-from .tube import Tube, cover_of_tube, feet_on_edges, nearest_places
+from .tube import Curves, Tube, cover_of_tube, doubled
 
 _LOOKED_AT = 1024  # orbits that are tested for having closed
 _FEWER = 256  # those for long periods
@@ -34,34 +35,15 @@ _LONGEST = 512  # steps in which distances have to be halved
 _SETTLED, _STANDS = 64, 0.95  # periods after which distances that twice as many leave as they are will not be halved
 _PERIODS = 16  # in which orbits near the ends have to come closer
 _SAMPLE = 256
+_MOST_BOXES = 2**20  # into which those of another cover are cut
+_EDGE = 0.499  # of a box, from its centre to its corners
 
 
 @dataclass(frozen=True, eq=False)
-class Segment:
+class Segment(Curves):
     """A curve, in points (n, dimension), closed or with two ends; ``size`` makes distances along axes comparable."""
 
-    exact: PointMap
-    points: Floats
-    size: Floats
     closed: bool = False
-
-    def distances(self, points: Floats) -> Floats:
-        """Return the distance of points (n, dimension) to the segment, inf for points that are not finite."""
-        return self.feet(points)[0]
-
-    def feet(self, points: Floats) -> tuple[Floats, Floats]:
-        """Return distances of points, and where along the segment, in points from its begin, they are nearest."""
-        apart, where = np.full(len(points), np.inf), np.zeros(len(points))
-        finite = np.flatnonzero(np.isfinite(points).all(axis=1))
-        nearest = nearest_places(self, points[finite])
-        for side in (-1, 1):
-            there, last = nearest + side, len(self.points) - 1
-            there = there % (last + 1) if self.closed else np.clip(there, 0, last)
-            here = self.points[nearest]
-            far, fraction = feet_on_edges(self, points[finite], here, self.points[there])
-            closer = far < apart[finite]
-            apart[finite[closer]], where[finite[closer]] = far[closer], (nearest + side * fraction)[closer]
-        return apart, where
 
     def surface(self, radii: Floats) -> Floats:
         """Return points (radii, along, directions, dimension) at distances from points of the segment."""
@@ -194,32 +176,31 @@ def _cover(segment: Segment, period: int) -> Cover | None:
             continue
         # In more steps points move as far along it, or farther, in all directions as in some.
         few = begin.reshape(_ALONG, -1, d)[:, ::_FEW].reshape(-1, d)
-        kept = _between_ends(segment, few, Orbits.starting(few.copy()), steps, radius, unit)
+        orbits = Orbits.starting(few.copy())
+        advance_on_threads(exact.advance, orbits, steps)
+        kept = _between_ends(segment, few, orbits.points, radius, unit)
         if kept is not None and kept[1] - kept[0] <= DENSE // 2:
             continue
-        orbits, made = Orbits.starting(begin.copy()), 0
-        while steps <= _LONGEST:
-            kept = _between_ends(segment, begin, orbits, steps - made, radius, unit)
+        orbits = Orbits.starting(begin.copy())
+        for made in doubled(exact, orbits, steps, _LONGEST):
+            kept = _between_ends(segment, begin, orbits.points, radius, unit)
             if kept is not None:
                 low, high = kept
                 if high - low > DENSE // 2:
                     shorter = replace(segment, points=segment.points[low : high + 1])
-                    return cover_of_tube(shorter, Tube(radius, steps, 0.5))
+                    return cover_of_tube(shorter, Tube(radius, made, 0.5))
                 break
-            made, steps = steps, 2 * steps
     return None
 
 
 def _between_ends(
-    segment: Segment, begin: Floats, orbits: Orbits, steps: int, radius: float, unit: float
+    segment: Segment, begin: Floats, images: Floats, radius: float, unit: float
 ) -> tuple[int, int] | None:
-    """Return the first and last point of a segment between whose ends some more steps have halved all distances.
+    """Return the first and last point of a segment between whose ends some steps have halved all distances.
 
     Points beside the ends may leave; all of those between them have to come closer, else there is None.
     """
-    check_stop()
-    advance_on_threads(segment.exact.advance, orbits, steps)
-    apart, after = segment.feet(orbits.points)
+    apart, after = segment.feet(images)
     along = np.abs(after - segment.feet(begin)[1]).reshape(_ALONG, -1)
     halved = np.max(apart.reshape(_ALONG, -1), axis=1) <= 0.5 * radius
     if segment.closed:
@@ -241,18 +222,14 @@ def _halving(segment: Segment, begin: Floats, radius: float, period: int) -> tup
 
     Both in points of the segment.
     """
-    orbits, made, steps, before = Orbits.starting(begin.copy()), 0, period, np.inf
-    while steps <= _LONGEST:
-        check_stop()
-        segment.exact.advance(orbits, steps - made)
-        made = steps
+    orbits, before = Orbits.starting(begin.copy()), np.inf
+    for steps in doubled(segment.exact, orbits, period, _LONGEST):
         apart, after = segment.feet(orbits.points)
         if steps >= _SETTLED * period and apart.max() > _STANDS * before:
             break
         before = float(apart.max())
         if apart.max() <= 0.5 * radius:
             return steps, float(np.abs(after - segment.feet(begin)[1]).max())
-        steps *= 2
     return 0, 0.0
 
 
@@ -296,3 +273,63 @@ def _drawn(segment: Segment, cover: Cover, boxes: Ints) -> Bools:
         far, near = segment.distances(begin), segment.distances(orbits.points)
         drawn[drawn] = (rests | (near < far)).reshape(-1, len(corners)).all(axis=1)
     return drawn
+
+
+def joined_continua(point_map: PointMap, attractors: Sequence[Attractor]) -> tuple[tuple[Attractor, ...], Ints]:
+    """Join continua whose covers overlap; return all attractors, and the new number of each of the old ones.
+
+    Two overlap if a point of one lies in the cover of the other.  The longest gives its kind and its boxes to all.
+    """
+    number = len(attractors)
+    exact, overlap = point_map.without_table, np.eye(number, dtype=bool)
+    lines = [k for k, a in enumerate(attractors) if a.kind in (Kind.EQUILIBRIA, Kind.CONTINUUM)]
+    for j, k in itertools.permutations(lines, 2):
+        cover = attractors[j].cover
+        same = attractors[j].period == attractors[k].period and cover is not None
+        overlap[j, k] = same and inside_cover(cover, attractors[k].points, exact).any()  # type: ignore[arg-type]
+    if overlap.sum() == number:
+        return tuple(attractors), np.arange(number)
+    from scipy.sparse.csgraph import connected_components
+
+    groups = connected_components(overlap, directed=False)[1]
+    first = np.unique(groups, return_index=True)[1]
+    joined = [
+        _of_pieces(exact, [attractors[k] for k in np.flatnonzero(groups == g).tolist()]) for g in groups[np.sort(first)]
+    ]
+    return tuple(joined), np.searchsorted(np.sort(first), first[groups])
+
+
+def _of_pieces(exact: PointMap, pieces: Sequence[Attractor]) -> Attractor:
+    if len(pieces) == 1:
+        return pieces[0]
+    longest = max(pieces, key=lambda a: np.abs(difference(a.points, a.points[0], a.coordinates)).max())
+    cover = longest.cover
+    for piece in pieces:
+        if piece is not longest and cover is not None and piece.cover is not None:
+            cover = _with_boxes(exact, cover, piece.cover)
+    points = np.concatenate([a.points for a in pieces])
+    if longest.period == 1:
+        points = points[np.lexsort(points.T[::-1])]
+    return replace(longest, cover=cover, points=thinned(points, _SAMPLE))
+
+
+def _with_boxes(exact: PointMap, cover: Cover, other: Cover) -> Cover:
+    """Return a cover with boxes that hold the centres of those of another one, cut as finely as its own."""
+    parts = np.maximum(np.ceil(other.widths / cover.widths), 1.0).astype(int)
+    if len(other.boxes) * np.prod(parts, dtype=float) > _MOST_BOXES:
+        parts[:] = 1
+    inner = (np.array(list(np.ndindex(*parts))) + 0.5) / parts
+    places = other.lower + (other.boxes[:, None, :] + inner) * other.widths
+    places = wrap(places.reshape(-1, exact.dimension), exact.coordinates)
+    new = np.unique(boxes_of(places, cover.lower, cover.widths, exact), axis=0)
+    centres = cover.lower + (new + 0.5) * cover.widths
+    new = new[~inside_cover(cover, wrap(centres, exact.coordinates), exact)]
+    certain = np.ones(len(new), bool)
+    sure = other if other.certain is None else replace(other, boxes=other.boxes[other.certain])
+    for corner in itertools.product((-_EDGE, _EDGE), repeat=exact.dimension):
+        places = cover.lower + (new + 0.5 + np.array(corner)) * cover.widths
+        certain &= len(sure.boxes) > 0 and inside_cover(sure, wrap(places, exact.coordinates), exact)
+    known = np.zeros(len(cover.boxes), bool) if cover.certain is None else cover.certain
+    boxes = np.concatenate([cover.boxes, new])
+    order = np.lexsort(boxes.T[::-1])
+    return Cover(cover.lower, cover.widths, boxes[order], np.concatenate([known, certain])[order])

@@ -23,10 +23,9 @@ from ..orbits.invariant_circle import FittedCircle, InvariantCircle, curve_size,
 from ..orbits.invariant_torus import fitted_torus
 from ..orbits.newton import newton, stable_orbit
 from .boxes import inside_cover
-from .chaos import lyapunov_exponents
+from .chaos import aperiodic, lyapunov_exponents
 from .creeping import creeping
-from .torus_tube import DenseTorus
-from .tube import DENSE, FIRST_FACTOR, MOST_STEPS, Curves, cover_of_tube, verified_tube
+from .tube import DENSE, FIRST_FACTOR, MOST_STEPS, Curves, DenseTorus, cover_of_tube, verified_tube
 
 _ORBITS = 4  # tried in one look
 _EXPONENT_PERIODS = 500
@@ -137,17 +136,7 @@ def _on_curves(exact: PointMap, state: Floats, extent: Floats, age: int, found: 
     if abs(exponents[0]) > _ZERO:
         return None
     kept = points[:, :: max(1, DENSE * len(points) // _SAMPLE)].reshape(-1, exact.dimension)
-    return Attractor(
-        Kind.QUASIPERIODIC,
-        0,
-        kept,
-        (0,) * exact.dimension,
-        np.empty(0, complex),
-        exponents,
-        exact.coordinates,
-        cover=cover,
-        circle=circle,
-    )
+    return aperiodic(Kind.QUASIPERIODIC, kept, exponents, exact, cover, circle=circle)
 
 
 def _on_torus(exact: PointMap, state: Floats, extent: Floats) -> Attractor | None:
@@ -165,10 +154,7 @@ def _on_torus(exact: PointMap, state: Floats, extent: Floats) -> Attractor | Non
     cover = None if tube is None else cover_of_tube(dense, tube)
     if cover is None:
         return None
-    still, none = (0,) * exact.dimension, np.empty(0, complex)
-    return Attractor(
-        Kind.QUASIPERIODIC, 0, points, still, none, exponents, exact.coordinates, cover=cover, torus=torus
-    )  # fmt: skip
+    return aperiodic(Kind.QUASIPERIODIC, points, exponents, exact, cover, torus=torus)
 
 
 def _size(points: Floats, exact: PointMap, extent: Floats) -> Floats:

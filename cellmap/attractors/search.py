@@ -19,11 +19,9 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Neighbourhood, sort_key
 from ..orbits.newton import stable_orbit
 from .chaos import Examination, examine
-from .continua import closed_orbits, continua
+from .continua import closed_orbits, continua, joined_continua
 from .equilibria import sticking_sets
-from .examined import Examined
-from .guesses import LOOKED_AT, guesses_of
-from .joined_continua import joined_continua
+from .examined import LOOKED_AT, Examined, guesses_of
 from .labels import LABEL_NAMES, Label
 from .quasiperiodic import long_cycle, quasiperiodic_attractors
 from .settling import Catalogue, settle, settle_on_threads
@@ -204,9 +202,10 @@ def sort_out(
         # Orbits that approach one of these come to rest on it, and on no continuum of equilibria.
         others = orbits.points[Catalogue.of(fresh, point_map).owners_of(orbits.points) < 0]
         fresh += sticking_sets(point_map, others, extent, attractors)
-        if not fresh and (age >= _MATURE or not patient):
+        mature = age >= _MATURE or not patient
+        if not fresh and mature:
             fresh = curves_and_cycles(point_map, orbits.points, attractors, extent, examined, age, slow=last)
-        if not fresh and (age >= _MATURE or not patient):
+        if not fresh and mature:
             closed = closed_orbits(point_map, orbits.points, extent, longest_period, _LONGEST_AT_REST if last else 0)
             fresh = verified_cycles(point_map, closed, attractors, extent, examined)
             fresh = fresh or continua(point_map, closed, extent, attractors, examined.lines)
@@ -256,34 +255,33 @@ def new_attractors(
         solutions, settled = examined.refined(point_map, guesses, periods)
         for i in sorted(np.flatnonzero(settled), key=lambda i: periods[i]):
             # A periodic point inside a verified neighbourhood is the attractor that this belongs to.
-            if Catalogue.of([*known, *found], point_map).owners_of(solutions[i : i + 1])[0] >= 0:
-                continue
-            if solutions[i] in examined:
+            if _belong(solutions[i : i + 1], [*known, *found], point_map) or solutions[i] in examined:
                 continue
             orbit = stable_orbit(point_map, solutions[i], int(periods[i]), extent)
+            if orbit is None:
+                examined.refuse(solutions[i : i + 1])
             # Where the neighbourhood is narrower than the error of the solution, another point of the orbit may be in.
-            if orbit is not None and _belongs(orbit, [*known, *found], point_map):
+            elif _belong(orbit.points, [*known, *found], point_map):
                 examined.refuse(orbit.points)
-                continue
-            motion = examined.motion(point_map)
-            neighbourhood = None if orbit is None else neighbourhood_of(point_map, orbit, motion)
-            if orbit is None or neighbourhood is None:
-                examined.refuse(solutions[i : i + 1] if orbit is None else orbit.points)
             else:
-                found.append(replace(orbit, neighbourhood=neighbourhood))
+                found += _verified(point_map, orbit, examined)
         if found:
             return found
     return []
 
 
-def _belongs(orbit: Attractor, known: Sequence[Attractor], point_map: PointMap) -> bool:
-    """Tell whether a point of a periodic orbit is in the trapping region of an attractor: then it is that one."""
-    return _belongs_at(orbit.points, known, point_map)
+def _belong(points: Floats, known: Sequence[Attractor], point_map: PointMap) -> bool:
+    """Tell whether any of some points of an orbit is in the trapping region of an attractor: then it is on that one."""
+    return bool((Catalogue.of(known, point_map).owners_of(points) >= 0).any())
 
 
-def _belongs_at(points: Floats, known: Sequence[Attractor], point_map: PointMap) -> bool:
-    """Tell whether any of some points is in the trapping region of an attractor."""
-    return bool((Catalogue.of(known, point_map).owners_of(np.atleast_2d(points)) >= 0).any())
+def _verified(point_map: PointMap, orbit: Attractor, examined: Examined) -> list[Attractor]:
+    """Return a periodic orbit with its trapping region, nothing where it has none; then it is remembered."""
+    neighbourhood = neighbourhood_of(point_map, orbit, examined.motion(point_map))
+    if neighbourhood is None:
+        examined.refuse(orbit.points)
+        return []
+    return [replace(orbit, neighbourhood=neighbourhood)]
 
 
 def curves_and_cycles(
@@ -310,18 +308,12 @@ def verified_cycles(
     """Return the periodic attractors on which orbits have closed, each given by a point and a period."""
     attractors = list[Attractor]()
     for point, period in closed:
-        if point in examined or _belongs_at(point, [*known, *attractors], point_map):
+        if point in examined or _belong(point[None], [*known, *attractors], point_map):
             continue
         orbit = long_cycle(point_map, point, period, extent)
-        if orbit is None or orbit.points[0] in examined:
+        if orbit is None or orbit.points[0] in examined or _belong(orbit.points, [*known, *attractors], point_map):
             continue
-        if _belongs(orbit, [*known, *attractors], point_map):
-            continue
-        neighbourhood = neighbourhood_of(point_map, orbit, examined.motion(point_map))
-        if neighbourhood is None:
-            examined.refuse(orbit.points)
-        else:
-            attractors.append(replace(orbit, neighbourhood=neighbourhood))
+        attractors += _verified(point_map, orbit, examined)
     return attractors
 
 

@@ -1,21 +1,24 @@
-"""Verified trapping regions around invariant curves: tubes, covered by boxes."""
+"""Verified trapping regions around invariant curves and tori: tubes, covered by boxes."""
 
 from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol, cast
 
 import numpy as np
 
-from .._lib.arrays import Floats, Ints
+from .._lib.arrays import Complexes, Floats, Ints
+from .._lib.computed import computed_once
 from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import CHUNK, Orbits
 from ..maps.point_map import PointMap
+from ..maps.side_by_side import advance_on_threads
 from ..orbits.attractor import Cover
+from ..orbits.invariant_torus import InvariantTorus, places_of
 from .boxes import boxes_of, in_units
 
 DENSE = 2048
@@ -31,6 +34,10 @@ _GROWTH = 1.25
 _AHEAD = 4  # surfaces that are looked at together
 _FINENESS = {1: 0.5, 2: 0.5, 3: 0.5, 4: 0.75}  # diagonal of a box in units of the tube's radius; else 1.5
 _MOST_BOXES = 2**20
+_CELLS = 256  # points of a torus in each phase, between which it is a paraboloid
+_REACH = 2.0  # cells of this grid, at most, between a point and the nearest one on the torus
+_TORUS_SEEN = 24  # points of each surface in each phase
+_ACROSS = 4  # directions of each surface in each of those across a torus, where there are several
 
 
 class Attracting(Protocol):
@@ -64,29 +71,34 @@ class Attracting(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """Closed curves: points (curves, n, dimension) in their order; ``size`` makes distances along axes comparable."""
+    """Curves: points (curves, n, dimension) in their order; ``size`` makes distances along axes comparable."""
 
     exact: PointMap
     points: Floats
     size: Floats
+    closed: bool = True
 
     def distances(self, points: Floats) -> Floats:
         """Return the distance of points (n, dimension) to the nearest curve, inf for points that are not finite."""
-        found = np.full(len(points), np.inf)
+        return self.feet(points)[0]
+
+    def feet(self, points: Floats) -> tuple[Floats, Floats]:
+        """Return distances of points, and where along their curve, in points from its begin, they are nearest."""
+        apart, where = np.full(len(points), np.inf), np.zeros(len(points))
         finite = np.flatnonzero(np.isfinite(points).all(axis=1))
-        nearest = nearest_places(self, points[finite])
-        curve, k = np.divmod(nearest, self.points.shape[1])
+        lines = self.points.reshape(-1, *self.points.shape[-2:])
+        last = lines.shape[1] - 1
+        curve, nearest = np.divmod(nearest_places(self, points[finite]), last + 1)
         for side in (-1, 1):
-            here, there = self.points[curve, k], self.points[curve, (k + side) % self.points.shape[1]]
-            found[finite] = np.minimum(found[finite], feet_on_edges(self, points[finite], here, there)[0])
-        return found
+            there = (nearest + side) % (last + 1) if self.closed else np.clip(nearest + side, 0, last)
+            far, fraction = _feet_on_edges(self, points[finite], lines[curve, nearest], lines[curve, there])
+            closer = far < apart[finite]
+            apart[finite[closer]], where[finite[closer]] = far[closer], (nearest + side * fraction)[closer]
+        return apart, where
 
     def between(self, distances: Floats) -> Floats:
         """Return the largest of distances (surfaces, n), with half of what they change to the next along a curve."""
-        values = distances.reshape(len(distances), len(self.points), _SEEN, -1)
-        with np.errstate(invalid="ignore"):
-            beside = values + 0.5 * np.abs(values - np.roll(values, 1, axis=2))
-        return np.asarray(np.where(np.isnan(beside), np.inf, beside).reshape(len(distances), -1).max(axis=1))
+        return _largest(distances.reshape(len(distances), len(self.points), _SEEN, -1), (2,))
 
     def surface(self, radii: Floats) -> Floats:
         """Return points (radii, curves, along, directions, dimension) beside the curves, across them."""
@@ -108,6 +120,84 @@ class Curves:
         return wrap((here[:, :, None, :] + shift).reshape(-1, d), self.exact.coordinates).reshape(shift.shape)
 
 
+@dataclass(frozen=True, eq=False)
+class DenseTorus:
+    """A torus in points; ``size`` makes distances along axes comparable."""
+
+    exact: PointMap
+    torus: InvariantTorus
+    size: Floats
+
+    @property
+    def points(self) -> Floats:
+        """Points (n, dimension)."""
+        return self._patches[0]
+
+    @computed_once
+    def _patches(self) -> tuple[Floats, Floats, Floats]:
+        """Points (n, d), first (n, d, 2) and second derivatives (n, d, 2, 2) by the phases, in steps of the grid."""
+        coordinates, torus = self.exact.coordinates, self.torus
+        turn = turns_of(coordinates)[1]
+        waves = torus.waves(np.arange(_CELLS) / _CELLS)
+        k = (np.arange(len(waves)) - len(waves) // 2) * (2j * np.pi / _CELLS)
+
+        def values(first: int, second: int) -> Complexes:
+            weighted = torus.coefficients * (k**first)[:, None] * k**second
+            found = np.einsum("dkl,kn,lm->nmd", weighted, waves, waves, optimize=True)
+            return np.asarray(found.reshape(-1, len(coordinates)))
+
+        value = values(0, 0)
+        slopes = np.stack([values(1, 0), values(0, 1)], axis=-1)
+        bends = np.stack([values(2, 0), values(1, 1), values(1, 1), values(0, 2)], axis=-1).reshape(*value.shape, 2, 2)
+        # Of an angle, the logarithm has the derivatives.
+        unit = np.where(np.abs(value) > 0.0, value, 1.0)[..., None]
+        along = slopes / unit
+        curved = bends / unit[..., None] - along[..., None, :] * along[..., :, None]
+        angle, scale = (turn > 0)[:, None], (turn / (2 * np.pi))[:, None]
+        return (
+            places_of(value, coordinates),
+            np.where(angle, along.imag * scale, slopes.real),
+            np.where(angle[..., None], curved.imag * scale[..., None], bends.real),
+        )
+
+    def distances(self, points: Floats) -> Floats:
+        """Return the distance of points (n, dimension) to the torus, inf for points that are not finite."""
+        found = np.full(len(points), np.inf)
+        finite = np.flatnonzero(np.isfinite(points).all(axis=1))
+        places, slopes, bends = (part[nearest_places(self, points[finite])] for part in self._patches)
+        shift = difference(points[finite], places, self.exact.coordinates) / self.size
+        slopes, bends = slopes / self.size[:, None], bends / self.size[:, None, None]
+        steps = np.zeros((len(finite), 2))
+        for _ in range(3):
+            foot = np.einsum("ndi,ni->nd", slopes, steps) + 0.5 * np.einsum("ndij,ni,nj->nd", bends, steps, steps)
+            here = slopes + np.einsum("ndij,nj->ndi", bends, steps)
+            normal = np.einsum("ndi,ndj->nij", here, here) + 1e-30 * np.eye(2)
+            right = np.einsum("ndi,nd->ni", here, shift - foot)
+            steps = np.clip(steps + np.linalg.solve(normal, right[..., None])[..., 0], -_REACH, _REACH)
+        foot = np.einsum("ndi,ni->nd", slopes, steps) + 0.5 * np.einsum("ndij,ni,nj->nd", bends, steps, steps)
+        found[finite] = np.linalg.norm(shift - foot, axis=1)
+        return found
+
+    def surface(self, radii: Floats) -> Floats:
+        """Return points (radii, along, along, directions, dimension) beside the torus, across it."""
+        d = self.exact.dimension
+        chosen = np.round(np.arange(_TORUS_SEEN) * (_CELLS / _TORUS_SEEN)).astype(int)
+        rows = (chosen[:, None] * _CELLS + chosen).ravel()
+        here, slopes, _ = (part[rows] for part in self._patches)
+        tangents = np.linalg.qr(slopes / self.size[:, None])[0]
+        free = np.random.default_rng(0).standard_normal((1 if d == 3 else _ACROSS * (d - 2), d))
+        across = free - np.einsum("ndi,nei,me->nmd", tangents, tangents, free)
+        across /= np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-300)
+        across = np.concatenate([across, -across], axis=1)
+        shift = radii[:, None, None, None] * across * self.size
+        places = wrap((here[:, None, :] + shift).reshape(-1, d), self.exact.coordinates)
+        return np.asarray(places.reshape(len(radii), _TORUS_SEEN, _TORUS_SEEN, -1, d))
+
+    def between(self, distances: Floats) -> Floats:
+        """Return the largest of distances (radii, n), with half of what they change to the next in each phase."""
+        return _largest(distances.reshape(len(distances), _TORUS_SEEN, _TORUS_SEEN, -1), (1, 2))
+
+
 @dataclass(frozen=True)
 class Tube:
     """Points closer to curves than a radius: after some steps each is closer by a factor of at most `contraction`."""
@@ -115,6 +205,13 @@ class Tube:
     radius: float
     steps: int
     contraction: float
+
+
+def _largest(values: Floats, axes: tuple[int, ...]) -> Floats:
+    """Return the largest of each of some values (n, ...), with half of what they change to the next along axes."""
+    with np.errstate(invalid="ignore"):
+        beside = values + 0.5 * sum(np.abs(values - np.roll(values, 1, axis=axis)) for axis in axes)
+    return np.asarray(np.where(np.isnan(beside), np.inf, beside).reshape(len(values), -1).max(axis=1))
 
 
 def verified_tube(curves: Attracting, extent: Floats, narrowest: float) -> Tube | None:
@@ -171,7 +268,7 @@ def cover_of_tube(curves: Attracting, tube: Tube) -> Cover | None:
     return Cover(corner, widths, boxes, np.ones(len(boxes), bool))
 
 
-def feet_on_edges(curves: Attracting, points: Floats, here: Floats, there: Floats) -> tuple[Floats, Floats]:
+def _feet_on_edges(curves: Attracting, points: Floats, here: Floats, there: Floats) -> tuple[Floats, Floats]:
     """Return distances of points to straight edges, a row each, and at which fraction of its edge each is nearest."""
     along = difference(there, here, curves.exact.coordinates) / curves.size
     shift = difference(points, here, curves.exact.coordinates) / curves.size
@@ -196,16 +293,21 @@ def _tree(curves: Any) -> Any:
 def _steps_needed(curves: Attracting, radius: float) -> tuple[int, float]:
     """Return after how many steps the points of a surface are close enough, and the factor; 0 steps if never."""
     orbits = Orbits.starting(curves.surface(np.array([radius])).reshape(-1, curves.exact.dimension))
-    made, steps = 0, 1
-    while steps <= MOST_STEPS:
-        check_stop()
-        curves.exact.advance(orbits, steps - made)
-        made = steps
+    for steps in doubled(curves.exact, orbits, 1, MOST_STEPS):
         factor = float(curves.between(curves.distances(orbits.points)[None])[0] / radius)
         if factor <= FIRST_FACTOR:
             return steps, factor
-        steps *= 2
     return 0, np.inf
+
+
+def doubled(exact: PointMap, orbits: Orbits, first: int, most: int) -> Iterator[int]:
+    """Move orbits on; yield how many steps they have made, twice as many each time."""
+    made, steps = 0, first
+    while steps <= most:
+        check_stop()
+        advance_on_threads(exact.advance, orbits, steps - made)
+        yield steps
+        made, steps = steps, 2 * steps
 
 
 def _factors(curves: Attracting, radii: Floats, steps: int) -> Floats:

@@ -19,8 +19,8 @@ from .._lib.stopping import Stop, Stopped, heeding
 from .._lib.threads import slices
 from .._lib.tiles import completed
 from ..attractors.chaos import examine
+from ..attractors.continua import joined_continua
 from ..attractors.examined import Examined
-from ..attractors.joined_continua import joined_continua
 from ..attractors.labels import LABEL_NAMES, Label
 from ..attractors.search import region_extent, search, sort_out
 from ..attractors.settling import Settled

@@ -10,7 +10,7 @@ import pytest
 import systems
 from cellmap import CellGrid, Label, angle, discrete_map, find_basins, interpolated_map, stroboscopic_map
 from cellmap.attractors.boxes import inside_cover
-from cellmap.attractors.chaos import chaotic_attractors, lyapunov_exponents
+from cellmap.attractors.chaos import examine, lyapunov_exponents
 from cellmap.orbits import Kind
 
 DAMPED = systems.dimensionless_pendulum(0.25, 0.55, 0.05)
@@ -143,7 +143,7 @@ def test_interpolated_map_is_chaotic_alike(pendulum):
 
 def test_cover_holds_the_attractor_for_ever():
     henon = systems.henon_map()
-    (a,) = chaotic_attractors(henon, henon.iterate(np.zeros((32, 2)) + 0.01 * np.arange(32)[:, None], 500).points)
+    (a,) = examine(henon, henon.iterate(np.zeros((32, 2)) + 0.01 * np.arange(32)[:, None], 500).points).attractors
     initial_conditions = henon.iterate(np.linspace(0.0, 0.2, 20)[:, None] * [1.0, 1.0], 100).points
     later = henon.orbit(initial_conditions, 5_000).points.reshape(-1, 2)
     assert inside_cover(a.cover, later, henon).mean() > 0.9999
@@ -225,7 +225,7 @@ def test_chaotic_transient_that_ends_is_no_attractor():
 
 
 def test_states_of_which_none_is_chaotic():
-    assert chaotic_attractors(linear([[0.5]]), np.zeros((3, 1))) == []
+    assert examine(linear([[0.5]]), np.zeros((3, 1))).attractors == ()
 
 
 def test_chaos_along_a_later_axis() -> None:

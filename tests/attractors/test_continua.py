@@ -9,9 +9,8 @@ import pytest
 
 from cellmap import CellGrid, ForcedSystem, Label, discrete_map, find_attractors, find_basins, stroboscopic_map
 from cellmap.attractors.boxes import inside_cover
-from cellmap.attractors.continua import closed_orbits, continua
+from cellmap.attractors.continua import closed_orbits, continua, joined_continua
 from cellmap.attractors.equilibria import sticking_sets
-from cellmap.attractors.joined_continua import joined_continua
 from cellmap.basins import load_basins, save_basins
 from cellmap.orbits import Kind
 

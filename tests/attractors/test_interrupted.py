@@ -12,7 +12,7 @@ import pytest
 
 from cellmap import PointMap, angle, discrete_map, find_attractors
 from cellmap._lib.stopping import Stop, Stopped, heeding
-from cellmap.attractors.chaos import chaotic_attractors
+from cellmap.attractors.chaos import examine
 from cellmap.attractors.quasiperiodic import quasiperiodic_attractors
 from cellmap.maps.orbit_batch import Orbits
 
@@ -40,8 +40,8 @@ def interrupted(point_map: PointMap, stop: Stop, after: int) -> tuple[PointMap, 
 WORK: dict[str, tuple[PointMap, Callable[[PointMap], Any], int]] = {
     "orbit before the fit": (CIRCLE, lambda m: quasiperiodic_attractors(m, POINTS, EXTENT, 10**7), 2),
     "orbit that is fitted": (CIRCLE, lambda m: quasiperiodic_attractors(m, POINTS, EXTENT, 64), 100),
-    "returns of chaotic orbits": (HENON, lambda m: chaotic_attractors(m, POINTS, age=64), 100),
-    "sample of a chaotic attractor": (HENON, lambda m: chaotic_attractors(m, POINTS, age=64), 600),
+    "returns of chaotic orbits": (HENON, lambda m: examine(m, POINTS, age=64), 100),
+    "sample of a chaotic attractor": (HENON, lambda m: examine(m, POINTS, age=64), 600),
     "returns of ends": (HENON, lambda m: find_attractors(m, POINTS), 20),
 }
 

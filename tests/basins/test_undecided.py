@@ -21,7 +21,7 @@ from cellmap import (
     save_basins,
     stroboscopic_map,
 )
-from cellmap.attractors.chaos import Examination, chaotic_attractors, examine
+from cellmap.attractors.chaos import Examination, examine
 from cellmap.attractors.equilibria import sticking_sets
 from cellmap.attractors.settling import RESIDENCE
 from cellmap.attractors.transients import Reason
@@ -171,7 +171,7 @@ def test_a_flat_attractor_is_one() -> None:
 
 
 def test_orbits_on_a_known_attractor_are_on_no_new_one() -> None:
-    (first,) = chaotic_attractors(HENON, HENON.iterate(np.zeros((32, 2)) + 0.01 * np.arange(32)[:, None], 500).points)
+    (first,) = examine(HENON, HENON.iterate(np.zeros((32, 2)) + 0.01 * np.arange(32)[:, None], 500).points).attractors
     others = HENON.iterate(np.zeros((7, 2)) + 0.003 * np.arange(7)[:, None], 400).points
     again = examine(HENON, others, known=[first])
     assert again.attractors == ()
