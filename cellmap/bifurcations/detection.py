@@ -10,7 +10,7 @@ import numpy as np
 from .._lib.arrays import Bools, Complexes, Floats, Ints
 from .._lib.computed import computed_once
 from ..maps.coordinates import wrap
-from ..orbits.arclength import ContinuationStep, SolutionPoint
+from ..orbits.arclength import ContinuationStep, SolutionPoint, corrected
 from ..orbits.multipliers import MARGIN, factors_beside, pair_on_circle, products_of_pairs, unstable_count
 from ..orbits.orbit_equations import OrbitProblem
 from .branch import Bifurcation
@@ -20,7 +20,7 @@ from .singular_orbits import crossing
 _REAL = 1e-6  # imaginary part of multipliers that are taken for real where two of them meet
 _VERTICAL = 1e-4  # parameter component of the tangent of the branch that a pitchfork gives birth to
 _SINGULAR = 1e-9  # value of a test function on which a step should not end
-_BESIDE, _ON_LINE = 0.03, 1e-11  # scaled displacement along the other branch, and the residual there if all are orbits
+_BESIDE, _ON_LINE = 0.03, 1e-11  # scaled displacement along the other branch, and of the parameter there on a line
 _KEPT = 1e-9  # distance of the product of all multipliers from 1 that rounding explains
 _BISECTIONS = 48
 
@@ -192,10 +192,20 @@ class Detector:
         """Return whether the multipliers whose product is nearest to 1 are a complex pair."""
         return bool(abs(multipliers[list(pair_on_circle(multipliers))].imag).min() > _REAL)
 
-    def _is_continuum(self, unknowns: Floats, direction: Floats) -> bool:
-        """Return whether orbits at one parameter value fill a line, as they do not at a pitchfork."""
-        sides = [self.problem(unknowns + length * direction)[0] for length in (-_BESIDE, _BESIDE)]
-        return bool(np.abs(sides).max() < _ON_LINE)
+    def _is_continuum(self, unknowns: Floats, direction: Floats, rounds: int = 1) -> bool:
+        """Return whether orbits of some times the period fill a curve at one parameter value, as at a linear flip."""
+        old = self.problem
+        problem = old if rounds == 1 else old.over(rounds, 1.0, old.scale[-1])
+        origin, along = (
+            old.repeated(v * old.scale, rounds, sign) / problem.scale
+            for v, sign in ((unknowns, 1.0), (direction, -1.0 if rounds > 1 else 1.0))
+        )
+        along = along / np.linalg.norm(along)
+        for length in (_BESIDE, -_BESIDE):
+            place = corrected(problem, origin + length * along, along)
+            if place is None or not abs(place.unknowns[-1] - origin[-1]) < _ON_LINE:
+                return False
+        return True
 
     def _event(self, kind: BifurcationKind, place: SolutionPoint, step: ContinuationStep) -> Bifurcation | None:
         """Return what is known of a bifurcation, but for the counts; None where it is none."""
@@ -217,6 +227,8 @@ class Detector:
             kind = BifurcationKind.DEGENERATE
         if kind is BifurcationKind.PERIOD_DOUBLING:
             branch_direction = problem.flipped(place)
+            if self._is_continuum(unknowns, branch_direction, rounds=2):
+                branch_direction = None
         state = unknowns * problem.scale
         return Bifurcation(
             kind=kind,

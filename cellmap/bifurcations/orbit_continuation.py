@@ -167,7 +167,8 @@ def switch_branch(
     Raises
     ------
     ValueError
-        For a bifurcation from which no branch of periodic orbits emanates, or where it is not found.
+        For a bifurcation from which no branch of periodic orbits emanates, as from one at whose parameter value orbits
+        fill a curve, or where it is not found.
 
     Examples
     --------

@@ -96,7 +96,7 @@ Branch, BifurcationCurve, CircleBranch, ConnectionBranch or TangencyCurve
            [-0.707,  0.   ]])
     """
     found = _converted(result)
-    more = function_columns(result, functions, {*found.variables, *found.dims} if functions else set())
+    more = function_columns(result, functions, {*found.variables, *found.dims} if functions is not None else set())
     dims = ("branch", *variable_names([result.parameter])) if isinstance(result, BifurcationDiagram) else _ROWS
     return found.assign({name: (dims, values) for name, values in more.items()}) if more else found
 

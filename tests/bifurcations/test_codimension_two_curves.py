@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import pi, sin
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from test_codimension_two_in_segments import alternating, coupled
 
-from cellmap import PointMap, continue_orbit, discrete_map, periodic_orbit
+from cellmap import PointMap, angle, continue_orbit, discrete_map, periodic_orbit
 from cellmap.bifurcations import (
     BifurcationCurve,
     BifurcationKind,
@@ -248,3 +249,25 @@ def test_what_is_no_point_of_the_curve_or_no_third_parameter_is_refused(
             continue_codimension_two(curve, point, name, *WIDE, UNIT)
     with pytest.raises(ValueError, match=r"third=.*present value 0.3"):
         continue_codimension_two(curve, point, "R", *WIDE, (0.4, 1.0))
+
+
+def test_cusps_on_a_circle_go_around_it() -> None:
+    # w + a sin(x) + b sin(u) with u = 2 x + p vanishes with two derivatives: a cos(x) = -2 b cos(u) and a sin(x) = -4 b
+    # sin(u), so that a is from 2 b to 4 b, and x goes around once while u does, and p does backwards.
+    b = 0.3
+    circle = discrete_map(
+        lambda x, p: (x[0] + p.w + p.a * sin(x[0]) + b * sin(2.0 * x[0] + p.p),),
+        {"w": -0.3, "a": 0.2, "p": 0.3},
+        (angle("x"),),
+    )
+    branch = continue_orbit(circle, periodic_orbit(circle, [0.3]), "w", -2.0, 2.0)
+    fold = branch.of_kind(FOLD)[1]
+    folds = continue_bifurcation(branch, fold, "a", (-2.0, 2.0), (0.1, 2.0), step=0.05)
+    (cusp,) = folds.codimension_two()
+    cusps = continue_codimension_two(folds, cusp, "p", (-2.0, 2.0), (0.1, 2.0), (-2.0, 2.0 * pi), step=0.2)
+    (w, a, p), x = cusps.values.T, cusps.points[:, 0]
+    u = 2.0 * x + p
+    assert np.abs(w + a * np.sin(x) + b * np.sin(u)).max() < 1e-10
+    assert np.abs(a * np.cos(x) + 2.0 * b * np.cos(u)).max() < 1e-9
+    assert np.abs(a * np.sin(x) + 4.0 * b * np.sin(u)).max() < 1e-8
+    assert np.ptp(p) > 2.0 * pi and np.abs(np.diff(x)).max() > pi and cusps.ends == EDGES

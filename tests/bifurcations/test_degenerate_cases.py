@@ -13,6 +13,7 @@ from cellmap.bifurcations import (
     arnold_tongue,
     connecting_orbits,
     continue_bifurcation,
+    switch_branch,
 )
 
 Interval = tuple[float, float]
@@ -246,3 +247,17 @@ def test_a_multiplier_that_holds_on_the_circle_hides_no_other(equations, names, 
     branch = continue_orbit(point_map, periodic_orbit(point_map, guess), "q", *interval)
     assert branch.ends == ("left the interval", "left the interval")
     assert {str(b.kind): b.value for b in branch.bifurcations} == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("bent", [False, True])
+def test_no_branch_leaves_a_flip_at_which_all_orbits_double(bent: bool) -> None:
+    # x -> -q x, also in the coordinate y = x + x^3: at q = 1 every point returns after two steps.
+    def image(x, p):  # type: ignore[no-untyped-def]
+        return (-p.q * x[0], 0.5 * x[1] + (x[0] ** 3 if bent else 0.0))
+
+    exact = discrete_map(image, {"q": 0.5}, ("x", "y"))
+    branch = continue_orbit(exact, periodic_orbit(exact, [0.0, 0.0]), "q", 0.0, 1.5)
+    (flip,) = branch.bifurcations
+    assert flip.kind is BifurcationKind.PERIOD_DOUBLING and flip.value == pytest.approx(1.0, abs=1e-12)
+    with pytest.raises(ValueError, match="no branch of periodic orbits leaves it"):
+        switch_branch(branch, flip, 0.0, 1.5)
