@@ -26,8 +26,7 @@ from typing import Any
 
 from .._lib.checks import parameter_values
 from .formulas import BUILT_IN, FUNCTIONS, IN_NUMPY, LONGEST_TEXT, EquationError, value_of
-from .python_functions import Functions, Written
-from .python_parts import Function, Kind, Places
+from .python_functions import Function, Functions, Kind, Places, Written
 
 _ARGUMENTS = {
     "ForcedSystem": ("rhs", "params", "period", "coordinates", "name"),

@@ -56,11 +56,15 @@ def swept_map(point_map: PointMap, *parameters: str) -> PointMap:
            [1. , 4. ]])
     """
     exact = point_map.without_table
+    _check_names(parameters, exact.params)
+    return Swept(exact, parameters).build()
+
+
+def _check_names(parameters: tuple[str, ...], known: Mapping[str, float]) -> None:
     for name in parameters:
-        known_parameter("parameters", name, exact.params)
+        known_parameter("parameters", name, known)
     if not parameters or len(set(parameters)) < len(parameters):
         raise ValueError(f"parameters={parameters!r}: give the names of one or several different parameters")
-    return Swept(exact, parameters).build()
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,10 +153,7 @@ def swept_system(system: ForcedSystem, *parameters: str) -> ForcedSystem:
     >>> swept_system(decay, "rate").derivative(0.0, (2.0, 3.0))
     (-6.0, 0.0)
     """
-    for name in parameters:
-        known_parameter("parameters", name, system.params)
-    if not parameters or len(set(parameters)) < len(parameters):
-        raise ValueError(f"parameters={parameters!r}: give the names of one or several different parameters")
+    _check_names(parameters, system.params)
     if system.impacts:
         raise TypeError(
             f"system={system!r} has impacts, which move all of the state and would move the parameters in it: sweep "
@@ -201,12 +202,7 @@ def _swept_functions(
 ) -> tuple[Callable[..., Any], Callable[..., Any] | None]:
     """Return right-hand side and switches that read some parameters from the state; the same ones every time."""
     rhs, switches, period = functions
-    record = parameter_record(all_names)
-    places = tuple(dimension + names.index(name) if name in names else -1 for name in all_names)
-    at_rest = (0.0,) * len(names)
-
-    def with_swept(x: Sequence[float], p: Any) -> Any:
-        return record(*[p[k] if place < 0 else x[place] for k, place in enumerate(places)])
+    with_swept, at_rest = _reader(dimension, all_names, names), (0.0,) * len(names)
 
     def moving(t: float, x: Sequence[float], p: Any, s: Sequence[float] = ()) -> Sequence[float]:
         q = with_swept(x, p)
@@ -229,14 +225,23 @@ def swept_function(
     function: Callable[..., Any], dimension: int, all_names: tuple[str, ...], names: tuple[str, ...]
 ) -> Callable[..., Any]:
     """Return the function of a discrete map that reads some parameters from the state; the same one every time."""
+    with_swept = _reader(dimension, all_names, names)
+
+    def mapped(x: Sequence[float], p: Any) -> Sequence[float]:
+        return (*function(x[:dimension], with_swept(x, p)), *x[dimension:])
+
+    return mapped
+
+
+def _reader(dimension: int, all_names: tuple[str, ...], names: tuple[str, ...]) -> Callable[..., Any]:
+    """Return the function that makes the record of all parameters, of which some are read from the state."""
     record = parameter_record(all_names)
     places = tuple(dimension + names.index(name) if name in names else -1 for name in all_names)
 
-    def mapped(x: Sequence[float], p: Any) -> Sequence[float]:
-        q = record(*[p[k] if place < 0 else x[place] for k, place in enumerate(places)])
-        return (*function(x[:dimension], q), *x[dimension:])
+    def with_swept(x: Sequence[float], p: Any) -> Any:
+        return record(*[p[k] if place < 0 else x[place] for k, place in enumerate(places)])
 
-    return mapped
+    return with_swept
 
 
 def _row_by_row(exact: PointMap, names: tuple[str, ...]) -> PointMap:

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from . import simd_math
-from .expression import Expression
+from .expression import ARITHMETIC, Expression
 from .functions import TABLE
 from .instructions import Instructions, Value, where
 from .trace import STATEFUL
 
 Known = dict[Expression, Value]
 """Values of expressions."""
+
+_WRITTEN: dict[str, Callable[..., Value]] = {
+    **ARITHMETIC,
+    "select": lambda sign, a, b: where(sign > 0.0, a, b),
+    "side": lambda a: where(a > 0.0, 1.0, -1.0),
+    "floordiv": simd_math.floordiv,
+}
+"""Operations that are no elementary functions; powers are those of the C library."""
 
 
 def inputs(code: Instructions, nodes: Iterable[Expression], **given: Any) -> Known:
@@ -32,32 +40,11 @@ def evaluate(code: Instructions, nodes: Iterable[Expression], known: Mapping[Exp
 
 def applied(code: Instructions, operation: str, arguments: Sequence[Value], level: int) -> Value:
     """Write an operation; in the lane loop its functions are those for vectors, where there are any."""
-    match operation, arguments:
-        case "add", (a, b):
-            return code.binary("fadd", a, b)
-        case "sub", (a, b):
-            return code.binary("fsub", a, b)
-        case "mul", (a, b):
-            return code.binary("fmul", a, b)
-        case "div", (a, b):
-            return code.binary("fdiv", a, b)
-        case "neg", (a,):
-            return -a
-        case "select", (sign, a, b):
-            return where(sign > 0.0, a, b)
-        case "side", (a,):
-            return where(a > 0.0, 1.0, -1.0)
-        case "floordiv", (a, b):
-            return simd_math.floordiv(a, b)
-    return called(code, operation, arguments, level)
-
-
-def called(code: Instructions, name: str, arguments: Sequence[Value], level: int) -> Value:
-    """Write the call of an elementary function, or a power."""
-    known = TABLE.get(name)
-    if known is not None and isinstance(known.kernel, str):
-        return code.intrinsic(known.kernel, *arguments)
-    if known is not None and callable(known.kernel) and (known.shared or level == STATEFUL):
-        written: Value = known.kernel(*arguments)
+    known = TABLE.get(operation)
+    kernel = known.kernel if known is not None else _WRITTEN.get(operation)
+    if isinstance(kernel, str):
+        return code.intrinsic(kernel, *arguments)
+    if kernel is not None and (known is None or known.shared or level == STATEFUL):
+        written: Value = kernel(*arguments)
         return written
-    return code.libm(name, *arguments)
+    return code.libm(operation, *arguments)

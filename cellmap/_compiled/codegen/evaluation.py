@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..._lib.arrays import Floats
-from .expression import Expression, operation_on_numbers, ordered
+from .expression import ARITHMETIC, Expression, operation_on_numbers, ordered
 from .rebind import ARRAY_FUNCTIONS
 
 ROUNDING = 1e-13
@@ -16,7 +16,7 @@ ROUNDING = 1e-13
 
 _OF_ARRAYS: dict[str, Callable[..., Any]] = {
     **ARRAY_FUNCTIONS,
-    **{"add": np.add, "sub": np.subtract, "mul": np.multiply, "div": np.divide, "neg": np.negative},
+    **ARITHMETIC,
     "select": lambda sign, a, b: np.where(sign > 0.0, a, b),
     "side": lambda a: np.where(a > 0.0, 1.0, -1.0),
     "floordiv": np.floor_divide,

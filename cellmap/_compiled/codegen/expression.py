@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache, reduce
 from typing import Any
 
 from .functions import TABLE
 
-_ARITHMETIC = frozenset({"add", "sub", "mul", "div", "neg", "pow", "select"})
-
 JUMPING = frozenset({"side", "floor", "fabs", "trunc", "copysign", "mod", "fmod", "floordiv"})
 """Operations with kinks or jumps that are no selections."""
 
+ARITHMETIC: dict[str, Callable[..., Any]] = {
+    "add": operator.add,
+    "sub": operator.sub,
+    "mul": operator.mul,
+    "div": operator.truediv,
+    "neg": operator.neg,
+}
+"""Operations of numbers, arrays and values in machine code alike."""
+
 _FOLD: dict[str, Callable[..., float]] = {
-    "add": lambda a, b: a + b,
-    "sub": lambda a, b: a - b,
-    "mul": lambda a, b: a * b,
-    "div": lambda a, b: a / b,
-    "neg": lambda a: -a,
-    "pow": lambda a, b: a**b,
+    **ARITHMETIC,
+    "pow": operator.pow,
     "fmin": min,
     "fmax": max,
-    "mod": lambda a, b: a % b,
-    "floordiv": lambda a, b: a // b,
+    "mod": operator.mod,
+    "floordiv": operator.floordiv,
     "sign": lambda a: float(a > 0.0) - float(a < 0.0),
     "side": lambda a: 1.0 if a > 0.0 else -1.0,
     "select": lambda sign, a, b: a if sign > 0.0 else b,
@@ -305,7 +309,8 @@ def ordered(outputs: tuple[Expression, ...]) -> tuple[Expression, ...]:
 
 def has_series(operation: str) -> bool:
     """Tell whether an operation has a power series wherever it is defined."""
-    return operation in _ARITHMETIC or (operation in TABLE and TABLE[operation].domain is not None)
+    known = TABLE.get(operation)
+    return operation in ARITHMETIC or operation in {"pow", "select"} if known is None else known.domain is not None
 
 
 def is_analytic(outputs: Sequence[Expression]) -> bool:

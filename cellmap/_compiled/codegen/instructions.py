@@ -53,7 +53,7 @@ class Value:
     __lt__, __le__, __gt__, __ge__ = (_operator(relation) for relation in ("olt", "ole", "ogt", "oge"))
 
     def __neg__(self) -> Value:
-        return number(-self.literal) if self.literal is not None else self.function.negative(self)
+        return self.function.number(-self.literal) if self.literal is not None else self.function.negative(self)
 
     def __abs__(self) -> Value:
         return self.function.intrinsic("fabs", self)
@@ -79,10 +79,9 @@ class Value:
         return self.code
 
 
-def number(value: float) -> Value:
+def number(value: float, code: Instructions | None = None) -> Value:
     """Return a literal; its bits are written out, so that it is the same number on the other side."""
-    bits = struct.unpack("<Q", struct.pack("<d", value))[0]
-    return Value(f"0x{bits:016X}", literal=float(value))
+    return Value(f"0x{struct.pack('>d', value).hex().upper()}", literal=float(value), code=code)
 
 
 def value_of(given: Value | float) -> Value:
@@ -172,7 +171,7 @@ class Instructions:
 
     def number(self, value: float) -> Value:
         """Return a literal of this function."""
-        return Value(number(value).text, literal=float(value), code=self)
+        return number(value, self)
 
     # Arithmetic.
 

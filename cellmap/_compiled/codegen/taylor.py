@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
-from .emit import applied, called
+from .emit import applied
 from .evaluation import ROUNDING
 from .expression import Expression, has_series, in_order
 from .functions import TABLE
@@ -239,9 +239,9 @@ class Series:
             # Where its argument is zero it has no series, and none of its terms count.
             u = where((u <= 0.0) & (u > -ROUNDING), 0.0, u)
             self._bases[node] = arguments[0] = u
-        value = called(self.out, operation, arguments, level)
+        value = applied(self.out, operation, arguments, level)
         if operation in _PAIRS:
-            self._partners[node] = [called(self.out, _PAIRS[operation], arguments, level)]
+            self._partners[node] = [applied(self.out, _PAIRS[operation], arguments, level)]
         elif operation in {"tan", "tanh"}:
             square = value * value
             self._partners[node] = [1.0 + square if operation == "tan" else 1.0 - square]
@@ -292,16 +292,19 @@ class Series:
         twice = 2.0 * others
         return twice if own is None else own + twice
 
+    def _pairs(self, a: Expression, b: Expression, first: int, last: int, k: int) -> list[tuple[int, Value, Value]]:
+        """Return i, a_i and b_(k-i) for i from first to last, without those that vanish."""
+        triples = ((i, self.at(a, i), self.at(b, k - i)) for i in range(first, last + 1))
+        return [(i, x, y) for i, x, y in triples if x is not None and y is not None]
+
     def _convolution(self, a: Expression, b: Expression, first: int, last: int, k: int) -> Coefficient:
         """Sum of a_i b_(k-i) over i from first to last."""
-        pairs = ((self.at(a, i), self.at(b, k - i)) for i in range(first, last + 1))
-        return dot([(x, y) for x, y in pairs if x is not None and y is not None])
+        return dot([(x, y) for _, x, y in self._pairs(a, b, first, last, k)])
 
     def _weighted(self, a: Expression, b: Expression, last: int, k: int) -> Coefficient:
         """Sum of i a_i b_(k-i) over i from 1 to last: the convolution of the derivative of a with b."""
-        triples = ((i, self.at(a, i), self.at(b, k - i)) for i in range(1, last + 1))
-        found = [(i, x, y) for i, x, y in triples if x is not None and y is not None]
-        return in_chains(found, lambda term: (term[0] * term[1] if term[0] > 1 else term[1]) * term[2])
+        pairs = self._pairs(a, b, 1, last, k)
+        return in_chains(pairs, lambda term: (term[0] * term[1] if term[0] > 1 else term[1]) * term[2])
 
     def _quotient(self, node: Expression, left: Coefficient, known: Coefficient) -> Coefficient:
         """Return what is left without what is known, times the reciprocal of a node."""
@@ -334,9 +337,8 @@ class Series:
         if self.structure.moves(exponent):
             raise ValueError("a power with a varying exponent has no recurrence here")
         e = self.first(exponent)
-        triples = ((i, self.at(base, i), self.at(node, k - i)) for i in range(1, k + 1))
-        found = [(i, x, y) for i, x, y in triples if x is not None and y is not None]
-        terms = in_chains(found, lambda term: (e * float(term[0]) - float(k - term[0])) * term[1] * term[2])
+        pairs = self._pairs(base, node, 1, k, k)
+        terms = in_chains(pairs, lambda term: (e * float(term[0]) - float(k - term[0])) * term[1] * term[2])
         return None if terms is None else terms * self._reciprocals[node] * (1.0 / k)
 
     def _sin(self, node: Expression, k: int) -> Coefficient:

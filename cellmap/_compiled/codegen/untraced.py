@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..forking import COMPILING
+from ..machine_code import vector_width
 from .instructions import Instructions, Value
 from .period import CompiledPeriod, PerStep, Step, Values, compiled_period
 from .rebind import rebind
@@ -22,14 +23,16 @@ from .trace import parameter_record
 
 Prepared = Callable[[Instructions], Call]
 
-OF_USERS: dict[str, Any] = {"error_model": "python", "fastmath": {"contract"}, "boundscheck": True}
+OF_USERS: dict[str, Any] = {
+    "error_model": "python", "fastmath": {"contract"}, "boundscheck": True, "forceinline": True,
+}  # fmt: skip
 """Options of the compiler: what Python raises these functions raise, for ``1 // 0`` and beyond the end of an array too.
 
 ``fastmath={"contract"}`` allows fused multiply-add and nothing else: full fastmath would delete tests for NaN.
 """
 
 _FUNCTION = "void(f8, CPointer(f8), CPointer(f8), CPointer(f8))"
-"""Numba's signature of a function of time, state and parameters, which writes its values to the last address."""
+"""Numba's signature of a function of time, states and parameters, which writes its values to the last address."""
 
 
 def compiled_untraced(
@@ -66,46 +69,33 @@ def _prepared(out: Instructions, dimension: int) -> Call:
     """Write what calls of the function whose address is in the context need; return what writes a call."""
     inputs, outputs = out.array(dimension * out.width), out.array(dimension * out.width)
     function = out.result(f"inttoptr i64 {out.load_whole('%context')} to ptr").text
-    out.declared.add(_for_each_lane(dimension, out.width))
 
     def call(t: Value, x: Values) -> list[Value]:
         for j, state in enumerate(x):
             out.store(out.as_vector(state), out.address(inputs, j * out.width))
-        out.write(f"call void @each_lane(ptr {function}, double {t.text}, ptr {inputs}, ptr %p, ptr {outputs})")
+        out.write(f"call void {function}(double {t.text}, ptr {inputs}, ptr %p, ptr {outputs})")
         return [out.load(out.address(outputs, j * out.width), vector=True) for j in range(dimension)]
 
     return call
 
 
-def _for_each_lane(dimension: int, width: int) -> str:
-    """Return the text of a function that calls another one lane by lane, with states component by component."""
-    body = Instructions(width)
-    x, y = body.array(dimension), body.array(dimension)
-    with body.loop("lane", width) as lane:
-        rows = [body.whole("add", lane, j * width) for j in range(dimension)]
-        for j, row in enumerate(rows):
-            body.store(body.load(body.address("%x", row)), body.address(x, j))
-        body.write(f"call void %function(double %t, ptr {x}, ptr %p, ptr {y})")
-        for j, row in enumerate(rows):
-            body.store(body.load(body.address(y, j)), body.address("%y", row))
-    return body.function("each_lane", "ptr %function, double %t, ptr %x, ptr %p, ptr %y")
-
-
 def _compiled(function: Callable[..., Any], dimension: int, names: tuple[str, ...]) -> Any:
-    """Return a function of C; its values are NaN where the one of the user raises an exception."""
+    """Return a function of C for the states of a vector of lanes; NaN where that of the user raises an exception."""
     numba = importlib.import_module("numba")
-    compiler = numba.njit(**OF_USERS)
+    compiler, width = numba.njit(**OF_USERS), vector_width()
     # Whole parts of huge numbers stay numbers: those of math are whole numbers of 64 bits.
     table = {"int": compiler(_whole), "floor": np.floor}
-    values = [f"y{j}" for j in range(dimension)]
-    state, given = (f"({''.join(f'{a}[{i}], ' for i in range(n))})" for a, n in (("x", dimension), ("p", len(names))))
+    values, places = [f"y{j}" for j in range(dimension)], [f"i + {j * width}" for j in range(dimension)]
+    state = "".join(f"x[{place}], " for place in places)
+    given = f"Parameters({''.join(f'p[{i}], ' for i in range(len(names)))})" if names else "()"
     lines = [
         "def called(t, x, p, y):",
-        "    try:",
-        f"        {', '.join(values)}, = rhs(t, {state}, {f'Parameters{given}' if names else '()'})",
-        "    except Exception:",
-        *(f"        {value} = nan" for value in values),
-        *(f"    y[{j}] = {value}" for j, value in enumerate(values)),
+        f"    for i in range({width}):",
+        "        try:",
+        f"            {', '.join(values)}, = rhs(t, ({state}), {given})",
+        "        except Exception:",
+        *(f"            {value} = nan" for value in values),
+        *(f"        y[{place}] = {value}" for place, value in zip(places, values, strict=True)),
     ]
     scope = {"rhs": rebind(function, table, compiler), "Parameters": parameter_record(names), "nan": math.nan}
     exec("\n".join(lines), scope)  # the text is our own, never a user's
