@@ -7,9 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from .._lib.arrays import Floats
-from ..analysis.resilience.basin_fractions import BasinStability
+from ..analysis.resilience.basin_statistics import BasinStability, SettlingStatistics
 from ..analysis.resilience.integrity import Ball
-from ..analysis.resilience.settling_times import SettlingStatistics
 from ..analysis.resilience.shocks import FatalShock
 from ..analysis.resilience.tipping import TippingProbabilities
 from ..basins.record import Basins

@@ -1,9 +1,9 @@
-"""Images of boxes under a map, from the images of sample points."""
+"""Images of boxes and cells under a map, from the images of sample points."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,18 +12,28 @@ from scipy.sparse import csr_array
 
 from .._compiled.kernels.box_images import points_of_cells, tally_rows
 from .._lib.arrays import Floats, Ints
-from .._lib.checks import claim_memory, whole_number
+from .._lib.checks import claim_memory, warn_caller, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
+from ..attractors.labels import Label
 from ..maps.coordinates import difference, turns_of, wrap
-from ..maps.grid import CellGrid, Locator, between
-from ..maps.orbit_batch import CHUNK, Orbits
-from ..maps.point_map import PointMap
+from ..maps.grid import CellGrid, Locator, between, grid_points
+from ..maps.orbit_batch import CHUNK, Orbits, Status
+from ..maps.point_map import PointMap, ToleranceWarning
 from ..orbits.exponent_fields import growth
 from .box_set import BoxSet, finer
 
 Samples = int | Literal["adaptive"]
 """Sampling of boxes: a number of points along each axis, or adaptive."""
+
+LEFT, DIVERGED = int(Label.ESCAPED), int(Label.DIVERGED)
+"""Sink cells for images outside the window, and for images that do not exist.
+
+An image does not exist where the orbit diverges or does not return to the Poincaré section of a map.
+"""
+
+Kick = Callable[[int], Floats]
+"""Returns the noise that is added to n points in one period, shape (n, dimension)."""
 
 _BATCH = 1024  # boxes in a slice of adaptive work
 _FEWEST = 3  # points along an axis of an adaptive lattice: the middle tells a fold that the ends cannot
@@ -323,3 +333,36 @@ def bisections(depth: int | Sequence[int], grid: CellGrid) -> list[int]:
     depths = [whole_number("depth", n, at_most=60) for n in depths]
     finer(grid, [n << k for n, k in zip(grid.shape, depths, strict=True)])
     return [j for k in range(max(depths)) for j, n in enumerate(depths) if k < n]
+
+
+def centres_of(grid: CellGrid, cells: Ints) -> Floats:
+    """Return the centres of some cells, shape (n, dimension)."""
+    return grid_points([grid.axis(j) for j in range(grid.dimension)], cells)
+
+
+def images_of(point_map: PointMap, points: Floats, periods: int, kick: Kick | None = None) -> Orbits:
+    """Return points (n, dimension) after some periods, and after noise has acted in each of them."""
+    orbits = Orbits.starting(wrap(points, point_map.coordinates))
+    if kick is None:
+        point_map.advance(orbits, periods)
+        return orbits
+    for _ in range(periods):
+        point_map.advance(orbits, 1)
+        orbits.points = wrap(orbits.points + kick(len(orbits)), point_map.coordinates)
+    return orbits
+
+
+def cells_of(point_map: PointMap, grid: CellGrid, orbits: Orbits) -> Ints:
+    """Return the flat numbers of the cells in which orbits are, LEFT or DIVERGED for those in none."""
+    cells = Locator.of(grid, point_map.coordinates)(orbits.points)
+    return np.where(orbits.status >= Status.DIVERGED, DIVERGED, cells)
+
+
+def warn_of_inaccurate(missed: int, total: int) -> None:
+    """Warn where the integrator missed its tolerance for some points."""
+    if missed:
+        warn_caller(
+            f"the integrator missed its tolerance for {missed} of {total} points; loosen rtol and atol, or "
+            "allow more steps with max_steps",
+            ToleranceWarning,
+        )

@@ -18,7 +18,7 @@ from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
-from .cell_images import DIVERGED, LEFT
+from .box_images import DIVERGED, LEFT
 from .markov import Components, Sparse, invariant_measure, periods_of, solve_transient
 from .recurrent_sets import adjacent_sets, basins_from_cells, refined_sets
 

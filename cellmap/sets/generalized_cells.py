@@ -17,9 +17,8 @@ from .._lib.threads import run_over, slices
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import CHUNK, Cost, Status
 from ..maps.point_map import PointMap
-from .box_images import middles, tallied
+from .box_images import DIVERGED, LEFT, cells_of, centres_of, images_of, middles, tallied, warn_of_inaccurate
 from .cell_chain import CellChain
-from .cell_images import DIVERGED, LEFT, cells_of, centres_of, images_of, warn_of_inaccurate
 from .markov import Sparse, components_of
 
 Noise = Callable[[np.random.Generator, int], Floats]

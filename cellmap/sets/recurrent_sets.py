@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.arrays import Floats, Ints
-from ..attractors.labels import Label
+from ..attractors.labels import Label, label_of
 from ..basins.finding import find_basins
 from ..basins.record import Basins
 from ..maps.coordinates import Coordinate
@@ -17,8 +17,8 @@ from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost, Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind, sort_key
+from .box_images import DIVERGED, LEFT, cells_of, centres_of
 from .box_set import BoxSet, neighbours_of
-from .cell_images import DIVERGED, LEFT, cells_of, centres_of, label_of_no_image
 
 _REPRESENTATIVES = 8  # cells of a set that are followed
 _LATEST = 2**31 - 1
@@ -187,7 +187,7 @@ def basins_from_cells(
     """Return labels of cells as basins, without attractors that no cell belongs to."""
     used = np.unique(labels[labels >= 0])
     number = np.full(len(attractors) + 3, -3, np.int64)
-    number[[LEFT, DIVERGED]] = LEFT, label_of_no_image(like)
+    number[[LEFT, DIVERGED]] = LEFT, label_of(like.no_image)
     number[used] = np.arange(len(used))
     final = number[labels].astype(np.int16)
     return Basins(

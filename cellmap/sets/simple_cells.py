@@ -20,7 +20,7 @@ from ..maps.grid import CellGrid
 from ..maps.orbit_batch import CHUNK, Cost, Orbits, Status
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
-from .cell_images import DIVERGED, LEFT, cells_of, centres_of, images_of, warn_of_inaccurate
+from .box_images import DIVERGED, LEFT, cells_of, centres_of, images_of, warn_of_inaccurate
 from .recurrent_sets import adjacent_sets, basins_from_cells, ends_of_sets, exchanging_sets, refined_sets
 
 _UNKNOWN = -3

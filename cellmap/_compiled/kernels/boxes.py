@@ -101,29 +101,6 @@ def separations(keys, bits, d, out):
 
 
 @loop
-def occupancy(separate, bits, out):
-    """Write into ``out[level]`` the number of boxes that hold any point, exactly one, exactly two."""
-    n = len(separate) - 1
-    steps = np.zeros((bits + 2, 3), np.int64)
-    for i in range(n):
-        before, after = separate[i], separate[i + 1]
-        steps[before, 0] += 1
-        alone = max(before, after)
-        if alone <= bits:
-            steps[alone, 1] += 1
-        if i + 1 < n:
-            pair = max(before, separate[i + 2])
-            if pair < after:
-                steps[pair, 2] += 1
-                steps[after, 2] -= 1
-    total = np.zeros(3, np.int64)
-    for level in range(bits + 1):
-        for k in range(3):
-            total[k] += steps[level, k]
-            out[level, k] = total[k]
-
-
-@loop
 def moments(separate, weights, level, orders, out):
     """Write into ``out[k]`` the sum over boxes of ``p**orders[k]``, with ``p ln p`` in the place of order 1.
 

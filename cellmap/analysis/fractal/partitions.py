@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..._compiled.kernels.boxes import moments, morton_keys, occupancy, separations
+from ..._compiled.kernels.boxes import moments, morton_keys, separations
 from ..._lib.arrays import Floats, Ints
 from ..._lib.checks import affordable_number, finite_points, real_array, shown
 from ..._lib.randomness import Rng, random_numbers
@@ -106,9 +106,13 @@ class Partition:
 
     def occupancy(self) -> Ints:
         """Return for each size the number of boxes that hold any point, exactly one, exactly two."""
-        counts = np.empty((self.bits + 1, 3), np.int64)
-        occupancy(self.separate, self.bits, counts)
-        return counts[list(self.levels)]
+        before, after = self.separate[:-1], self.separate[1:]
+        around, between = np.maximum(before[:-1], after[1:]), after[:-1]
+        two = around < between  # such pairs of points have a box from one level on, and up to another
+        first = [before, np.maximum(before, after), around[two]]
+        begun = np.stack([np.bincount(levels, minlength=self.bits + 2) for levels in first], axis=1)
+        begun[:, 2] -= np.bincount(between[two], minlength=self.bits + 2)
+        return np.cumsum(begun, axis=0)[list(self.levels)]
 
     def moments(self, weights: Floats, orders: Floats) -> Floats:
         """Return for each size and order q the sum of p**q over the boxes, with p ln p for q = 1."""
