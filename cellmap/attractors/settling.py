@@ -16,7 +16,7 @@ from .._lib.arrays import Floats, Ints
 from .._lib.stopping import Stop
 from .._lib.threads import results_of, run_over, slices
 from ..maps.compiled_advance import UNKNOWN_STEP, CompiledAdvance
-from ..maps.coordinates import turns_of, wrap
+from ..maps.coordinates import shortest, turns_of, wrap
 from ..maps.orbit_batch import CHUNK, NOTHING, PERIODS_AT_ONCE, Orbits, Tally, Work
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Cover
@@ -77,9 +77,7 @@ class Catalogue:
         """Return the distance to the nearest attractor, in radii of its neighbourhood; inf where there is none."""
         if not len(self.regions.owners):
             return np.full(len(points), np.inf)
-        shift = points[:, None, :] - self.regions.centres
-        around = np.where(self.turn > 0, self.turn, 1.0)
-        shift -= np.where(self.turn > 0, self.turn * np.round(shift / around), 0.0)
+        shift = shortest(points[:, None, :] - self.regions.centres, self.turn)
         return np.asarray(np.sqrt(np.einsum("nmi,mij,nmj->nm", shift, self.regions.metrics, shift)).min(axis=1))
 
     def shrunk(self, factor: float) -> Catalogue:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .._lib.arrays import Floats
-from ..maps.coordinates import turns_of, wrap
+from ..maps.coordinates import shortest, turns_of, wrap
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
 from ..orbits.invariant_circle import InvariantCircle, bump, measured, oriented
@@ -56,8 +56,7 @@ class CircleProblem:
         unit, turn = self.scale[: m * d].reshape(m, d), turns_of(self.swept.coordinates)[1][:d]
         images, matrices = tangent(self.swept, np.column_stack([points, np.full(m, value)]), self.period)
         shift = shift_matrix(m, rho)
-        apart = images[:, :d] - shift @ points
-        apart -= turn * np.round(apart / np.where(turn > 0.0, turn, 1.0))
+        apart = shortest(images[:, :d] - shift @ points, turn)
         slopes = np.zeros((m, d, m, d))
         rows = np.arange(m)
         slopes[rows, :, rows] = matrices[:, :d, :d] * unit[:, None, :] / unit[:, :, None]

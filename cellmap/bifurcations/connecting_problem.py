@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._lib.arrays import Floats
-from ..maps.coordinates import difference, turns_of
+from ..maps.coordinates import difference, shortest, turns_of
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
 from .singular_orbits import smallest
@@ -58,8 +58,7 @@ class ConnectingProblem:
         slopes = matrices[:, :d, :]
         turn = turns_of(self.swept.coordinates)[1][:d]
         target = np.concatenate([states[:2, :d], states[3:, :d]])  # the image of each point but the last one
-        moved = images[:-1, :d] - target
-        moved -= turn * np.round(moved / np.where(turn > 0.0, turn, 1.0))
+        moved = shortest(images[:-1, :d] - target, turn)
         unit, places = self.scale[:d], np.concatenate([[0, 1], np.arange(3, n)])
         residual = np.zeros(n * d)
         jacobian = np.zeros((n * d, n * d + m))

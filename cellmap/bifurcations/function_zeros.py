@@ -11,13 +11,13 @@ import numpy as np
 
 from .._lib.arrays import Bools, Complexes, Floats, Ints
 from .._lib.checks import shown, warn_caller
-from ..maps.coordinates import wrap
+from ..maps.coordinates import shortest, wrap
 from ..orbits.arclength import ContinuationStep, SolutionPoint, corrected
 from ..orbits.multipliers import unstable_count
 from ..orbits.orbit_equations import OrbitProblem
 from ..orbits.orbit_kinds import PeriodicOrbit
 from .intervals import place_of
-from .period_measures import OrbitFunction, Quantity, as_functions, measured, shorter, turn_of, unwrapped
+from .period_measures import OrbitFunction, Quantity, as_functions, measured, turn_of, unwrapped
 
 _SHIFT = 3e-4  # distance, scaled, of the orbits by whose differences slopes are computed
 _CORRECTIONS = 3  # of Newton's method, after which an orbit closes to rounding
@@ -92,7 +92,7 @@ def values_of(orbits: OrbitProblem, names: tuple[str, ...], function: OrbitFunct
         points = wrap(states[:, :d], exact.coordinates)
         quantity, measure = function.quantity, function.measure
         found = measured(exact, names, states[:, d:], points, orbits.period, quantity, measure, _FINEST)
-        result[known] = shorter(found - function.value, turn_of(exact, quantity, measure))
+        result[known] = shortest(found - function.value, turn_of(exact, quantity, measure))
     return result
 
 
@@ -305,7 +305,7 @@ class FunctionOrbits:
             nearby[:, :-1] -= self.orbits(nearby)[0] @ inverse.T
         g = values_of(self.orbits, self.names, self.function, nearby)
         turn = turn_of(self.orbits.point_map, self.function.quantity, self.function.measure)
-        g = (g[0] + shorter(g - g[0], turn)) / self.unit
+        g = (g[0] + shortest(g - g[0], turn)) / self.unit
         if self.function.extremum:
             value, by_along = _slope(g[1:5]), (g[2] - 2.0 * g[0] + g[3]) / _SHIFT**2
             by_across = (g[7] - g[8] - g[9] + g[10]) / (4.0 * _SHIFT**2)

@@ -228,11 +228,6 @@ def turn_of(point_map: PointMap, quantity: Quantity, measure: str | None) -> flo
     return next((c.period or 0.0 for c in axes if c.name == chosen), 0.0)
 
 
-def shorter(differences: Floats, turn: float) -> Floats:
-    """Return differences of angles the shorter way round."""
-    return differences - turn * np.round(differences / turn) if turn else differences
-
-
 def unwrapped(values: Floats, turn: float) -> Floats:
     """Return angles (n,) along a branch, each next to the one before it that is known."""
     known = np.isfinite(values)

@@ -138,16 +138,33 @@ def state_points(name: str, points: ArrayLike, coordinates: Sequence[Coordinate]
     return states
 
 
+def in_turn(values: Floats, lower: Floats | float, turn: Floats | float) -> Floats:
+    """Return numbers in the turn that begins at an edge, NaN where they have no phase; a turn of 0 stands for the line.
+
+    A number that is there stays as it is.
+    """
+    upper, around = np.add(lower, turn), np.where(np.greater(turn, 0.0), turn, inf)
+    with np.errstate(invalid="ignore"):
+        whole = np.floor(np.subtract(values, lower) / around)
+        turned = np.maximum(values - np.where(np.abs(whole) < MOST_TURNS, whole, nan) * turn, lower)
+        stays = np.less_equal(turn, 0.0) | ((values >= lower) & (values < upper))
+    return np.asarray(np.where(stays, values, np.where(turned >= upper, lower, turned)))
+
+
+def shortest(differences: Floats, turn: Floats | float) -> Floats:
+    """Return differences, on circles the shorter way round; a turn of 0 stands for the line."""
+    wraps = np.greater(turn, 0.0)
+    with np.errstate(invalid="ignore"):
+        whole = np.where(wraps, turn * np.round(differences / np.where(wraps, turn, 1.0)), 0.0)
+    return np.asarray(differences - whole)
+
+
 def wrap(points: Floats, coordinates: Sequence[Coordinate]) -> Floats:
     """Return points (..., dimension) with every angle wrapped; NaN where it is too large to have a phase."""
     wrapped = np.array(points, dtype=float)
     for j, c in enumerate(coordinates):
         if c.period is not None and c.lower is not None:
-            angles = wrapped[..., j]
-            inside = (angles >= c.lower) & (angles < c.lower + c.period)
-            whole = np.floor((angles - c.lower) / c.period)
-            turned = np.maximum(angles - np.where(np.abs(whole) < MOST_TURNS, whole, nan) * c.period, c.lower)
-            wrapped[..., j] = np.where(inside, angles, np.where(turned >= c.lower + c.period, c.lower, turned))
+            wrapped[..., j] = in_turn(wrapped[..., j], c.lower, c.period)
     return wrapped
 
 
@@ -156,12 +173,5 @@ def difference(a: Floats, b: Floats, coordinates: Sequence[Coordinate]) -> Float
     d = np.asarray(a, dtype=float) - np.asarray(b, dtype=float)
     for j, c in enumerate(coordinates):
         if c.period is not None:
-            d[..., j] -= c.period * np.round(d[..., j] / c.period)
+            d[..., j] = shortest(d[..., j], c.period)
     return d
-
-
-def from_edge(values: Floats, lower: Floats, turn: Floats) -> Floats:
-    """Return values with angles in the turn that begins at an edge."""
-    around = np.where(turn > 0.0, turn, np.inf)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.where(turn > 0.0, values - turn * np.floor((values - lower) / around), values))

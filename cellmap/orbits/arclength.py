@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from .._lib.arrays import Bools, Floats
 from .._lib.stopping import check_stop
 from .._lib.threads import progress_bar
+from ..maps.coordinates import shortest
 
 Problem = Callable[[Floats], tuple[Floats, Floats]]
 """Returns residuals (n,) and their derivatives (n, n + 1) at unknowns (n + 1,), all scaled to be of order 1."""
@@ -159,8 +160,7 @@ class ContinuationStep:
 
         Unknowns with a period are angles.
         """
-        apart = place.unknowns - self.begin.unknowns
-        apart = apart - np.where(turns > 0, turns * np.round(apart / np.where(turns > 0, turns, 1.0)), 0.0)
+        apart = shortest(place.unknowns - self.begin.unknowns, turns)
         length = float(self.begin.tangent @ apart)
         aligned = float(place.tangent @ self.begin.tangent) > _ALIGNED
         if not (0.0 < length <= self.length and aligned and np.linalg.norm(apart) <= 1.1 * self.length):

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._lib.arrays import Bools, Complexes, Floats, Ints
 from .._lib.checks import known_parameter
-from ..maps.coordinates import difference, turns_of, wrap
+from ..maps.coordinates import difference, shortest, turns_of, wrap
 from ..maps.parameters_as_states import Swept, swept_map
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
@@ -83,9 +83,7 @@ class OrbitProblem:
         images, matrices = tangent(self.swept, state, self.period)
         moved = images[..., :d] - state[..., :d]
         # Where an angle that enters other images crosses its branch cut, these jump by full rotations.
-        residual = (moved - self.around * np.round(moved / np.where(self.around > 0, self.around, 1.0))) / self.scale[
-            :d
-        ]
+        residual = shortest(moved, self.around) / self.scale[:d]
         slopes = (matrices[..., :d, :] - np.eye(d, len(self.scale))) * self.scale / self.scale[:d, None]
         return residual, slopes
 
@@ -166,8 +164,7 @@ class OrbitProblem:
     def orbit_between(self, first: Floats, second: Floats, share: float, value: float) -> PeriodicOrbit | None:
         """Return the orbit at a value of the parameter, between neighbours given by their unknowns in their units."""
         apart, turns = second - first, self.circles * self.scale
-        apart = apart - turns * np.round(apart / np.where(turns > 0, turns, 1.0))
-        guess = np.append((first + share * apart)[:-1], value) / self.scale
+        guess = np.append((first + share * shortest(apart, turns))[:-1], value) / self.scale
         place = corrected(self, guess, self.parameter_direction)
         return None if place is None else self.orbit_at(place.unknowns)
 

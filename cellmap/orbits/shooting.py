@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .._lib.arrays import Complexes, Floats
-from ..maps.coordinates import wrap
+from ..maps.coordinates import shortest, wrap
 from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
 from .arclength import SolutionPoint
@@ -83,9 +83,7 @@ class ShootingProblem(OrbitProblem):
         for k, part in enumerate(self.parts):
             rows = np.s_[..., k::count, :]
             images[rows], matrices[..., k::count, :, :] = part(states[rows])
-        moved = images[..., :d] - np.roll(nodes, -1, axis=-2)
-        around = self.around
-        moved = moved - around * np.round(moved / np.where(around > 0, around, 1.0))
+        moved = shortest(images[..., :d] - np.roll(nodes, -1, axis=-2), self.around)
         slopes = np.zeros((*batch, n, d, len(self.scale)))
         for k in range(n):
             slopes[..., k, :, k * d : (k + 1) * d] = matrices[..., k, :d, :d]

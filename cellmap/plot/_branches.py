@@ -15,7 +15,7 @@ from ..bifurcations.branch import Bifurcation, Branch
 from ..bifurcations.function_zeros import FunctionZero
 from ..bifurcations.kinds import BifurcationKind
 from ..bifurcations.period_measures import Quantity, measured
-from ..maps.coordinates import Coordinate, difference
+from ..maps.coordinates import Coordinate, difference, in_turn
 from ..maps.parameters_as_states import swept_map
 from ._axes import axes_or_new, column_of, cut_at_branch_cuts, label_axis, mark_zeros, measured_axis, several_of
 from ._colours import colour_of, one_colour
@@ -187,7 +187,7 @@ class _Trace:
         places = self.curves[:, here].reshape(-1, 2).copy()
         axis = self.axes[1]
         if axis.period is not None and axis.lower is not None:
-            places[:, 1] = axis.lower + np.mod(places[:, 1] - axis.lower, axis.period)
+            places[:, 1] = in_turn(places[:, 1], axis.lower, axis.period)
         return places
 
 

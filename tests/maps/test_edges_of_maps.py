@@ -12,7 +12,7 @@ import pytest
 
 from cellmap import CellGrid, ForcedSystem, Status, angle, discrete_map, interpolated_map, stroboscopic_map
 from cellmap.maps import Impact, grazing_distance, inverse_stroboscopic_map, swept_map
-from cellmap.maps.coordinates import from_edge, state_points
+from cellmap.maps.coordinates import in_turn, state_points
 from cellmap.maps.fingerprint import fingerprint
 from cellmap.maps.formulas import formulas
 from cellmap.maps.interpolation import table_making
@@ -47,7 +47,7 @@ def _coordinate(axis):
 def test_values_in_the_turn_from_an_edge():
     lower, turn = np.array([1.0, 0.0, -pi]), np.array([2.0, 0.0, 2 * pi])
     values = np.array([[0.5, 9.0, pi], [1.0, -9.0, -4 * pi], [-7.2, 0.0, 3.0], [np.nan, 1.0, 0.0]])
-    found = from_edge(values, lower, turn)
+    found = in_turn(values, lower, turn)
     np.testing.assert_allclose(
         found, [[2.5, 9.0, -pi], [1.0, -9.0, 0.0], [2.8, 0.0, 3.0], [np.nan, 1.0, 0.0]], atol=1e-12
     )

@@ -75,17 +75,38 @@ def wrap_rows(points, rotations, lower, turn):
 @inlined
 def wrap_angle(points, rotations, i, j, lower, turn):
     """Wrap a component of a row, counting full rotations; return whether it has a phase."""
-    x = points[i, j]
-    # A wrapped angle stays as it is, so that wrapping again changes nothing.
+    x, whole = in_turn(points[i, j], lower, turn)
+    points[i, j] = x
+    rotations[i, j] += np.int64(whole)
+    return not turn > 0.0 or x == x
+
+
+@inlined
+def in_turn(x, lower, turn):
+    """Return where a number is in the turn that begins at an edge, NaN without phase, and the turns taken out.
+
+    A number that is there stays as it is, so that wrapping again changes nothing; a turn of 0 stands for the line.
+    """
+    whole = 0.0
     if turn > 0.0 and not lower <= x < lower + turn:
         whole = np.floor((x - lower) / turn)
         if not abs(whole) < MOST_TURNS:
-            points[i, j] = np.nan
-            return False
+            return np.nan, 0.0
         x = max(x - whole * turn, lower)
         if x >= lower + turn:
             x = lower
             whole += 1.0
-        points[i, j] = x
-        rotations[i, j] += np.int64(whole)
-    return True
+    return x, whole
+
+
+@inlined
+def shortest(x, turn):
+    """Return a difference on a circle the shorter way round."""
+    return x - turn * np.floor(x * (1.0 / turn) + 0.5)
+
+
+@inlined
+def place_of(x, origin, inverse, circle):
+    """Return where a coordinate is, in cells from the first edge; wrapped on a circle, and NaN there without phase."""
+    place, _ = in_turn((x - origin) * inverse, 0.0, circle)
+    return place

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..loops import inlined, loop
+from .blocks import shortest
 
 LOOKED_AT = 256
 """Rows whose distances are computed together, in vectors that stay in the cache."""
@@ -63,10 +64,8 @@ def ellipsoids_of(points, begin, count, regions, turn, places, distances, found)
         for j in range(d):
             centre, circle = regions.centres[m, j], turn[j]
             if circle > 0.0:
-                inverse = 1.0 / circle
                 for i in range(count):
-                    s = places[d + j, i] - centre
-                    places[j, i] = s - circle * np.floor(s * inverse + 0.5)
+                    places[j, i] = shortest(places[d + j, i] - centre, circle)
             else:
                 for i in range(count):
                     places[j, i] = places[d + j, i] - centre

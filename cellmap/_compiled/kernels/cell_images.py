@@ -10,6 +10,7 @@ from math import floor
 import numpy as np
 
 from ..loops import inlined, loop
+from .blocks import in_turn, shortest
 from .certainty import FARTHEST, NONE, touches
 
 SEVERAL = -1
@@ -48,9 +49,7 @@ def boxes_of(images, table, most, overhangs, begin, end, boxes):
         known, touched = True, 1.0
         leaves = False
         for j in range(d):
-            at, far = middle[c, j], reach[c, j]
-            if circle[j] > 0.0:
-                at -= circle[j] * floor(at / circle[j])
+            (at, _turns), far = in_turn(middle[c, j], 0.0, circle[j]), reach[c, j]
             known = known and abs(at) + far < FARTHEST
             if not known:
                 break
@@ -92,7 +91,7 @@ def claim_within(owners, table, neighbourhoods, turn, begin, end):
                     rest //= cells[j]
                     shift[j] = origin[j] + edge / inverse[j] - centres[m, j]
                     if turn[j] > 0.0:
-                        shift[j] -= turn[j] * floor(shift[j] / turn[j] + 0.5)
+                        shift[j] = shortest(shift[j], turn[j])
                 distance = 0.0
                 for j in range(d):
                     for k in range(d):

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..loops import inlined, loop
+from .blocks import place_of, shortest
 
 FARTHEST = 1e15
 """Cells from the first edge beyond which a place is not known."""
@@ -38,16 +39,6 @@ class Window(NamedTuple):
     escapes: int
     outside: int
     overhangs: NDArray[np.int64]
-
-
-@loop
-def place_of(x, origin, inverse, circle):
-    """Return where a coordinate is, in cells from the first edge; wrapped on a circle."""
-    u = (x - origin) * inverse
-    if circle > 0.0:
-        u -= circle * floor(u / circle)
-        u = u if 0.0 <= u < circle else 0.0
-    return u
 
 
 @loop
@@ -148,7 +139,7 @@ def judging(d):
                 for j in range(d):
                     shift[j] = points[i, j] - centres[m, j]
                     if turn[j] > 0.0:
-                        shift[j] -= turn[j] * floor(shift[j] / turn[j] + 0.5)
+                        shift[j] = shortest(shift[j], turn[j])
                     for k in range(j + 1):
                         distance += metrics[m, j, k] * (1.0 if k == j else 2.0) * shift[j] * shift[k]
                 if not distance <= 1.0:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..loops import inlined, loop
+from .blocks import place_of
 from .calls import call_look_up
 from .capture import LOOKED_AT, ellipsoids_of, held_by_cover
 from .periods import ESCAPED, INACCURATE, NOWHERE, Discrete, Motion, integrate, iterate
@@ -317,11 +318,14 @@ def _compact(pool, rows, holes, count):
 def _is_outside(table, points, r):
     """Tell whether a row is outside the window of the table, as the look-up does."""
     for j in range(points.shape[1]):
-        place, circle = (points[r, j] - table.origin[j]) * table.inverse[j], table.circle[j]
-        if circle > 0.0:
-            place -= circle * np.floor(place / circle)
-            if not 0.0 <= place < circle:
-                place = 0.0
-        if not 0.0 <= place <= table.cells[j]:
+        place = place_of(points[r, j], table.origin[j], table.inverse[j], table.circle[j])
+        if place < 0.0 or place > table.cells[j]:  # an angle without phase is left to the exact map
             return True
     return False
+
+
+@loop
+def find_outside(table, points, outside):
+    """Write which rows are outside the window of a table."""
+    for r in range(points.shape[0]):
+        outside[r] = _is_outside(table, points, r)

@@ -15,7 +15,7 @@ from ..._lib.fit import Fit, fit_line
 from ..._lib.signatures import checked
 from ..._lib.stopping import check_stop
 from ..._lib.threads import run_over, slices
-from ...maps.coordinates import Coordinate
+from ...maps.coordinates import Coordinate, in_turn, shortest
 from .box_counting import checked_sizes, fit_sizes
 from .partitions import Space
 
@@ -171,7 +171,7 @@ def _pairs(space: Space, rising: Floats, theiler: int, norm: float) -> Ints:
     points = space.points
     if circle is not None:
         # Rounding may put an angle on the upper end of its period, which is the lower one.
-        points = np.where((circle > 0.0) & (points >= circle), 0.0, points)
+        points = in_turn(points, 0.0, circle)
     edges = np.linspace(0, len(points), _BLOCKS + 1).astype(int)
     blocks = [points[first:last] for first, last in pairwise(edges)]
     trees = [cKDTree(block, boxsize=circle) for block in blocks]
@@ -192,7 +192,7 @@ def _pairs(space: Space, rising: Floats, theiler: int, norm: float) -> Ints:
     for lag in range(1, theiler + 1):
         apart = np.abs(points[lag:] - points[:-lag])
         if circle is not None:
-            apart = np.where(circle > 0.0, np.minimum(apart, np.abs(circle - apart)), apart)
+            apart = np.abs(shortest(apart, circle))
         distance = np.linalg.norm(apart, ord=norm, axis=1)
         for shift in (0, lag):  # the pair belongs to the stretch of either point
             owner = np.searchsorted(edges, np.arange(len(distance)) + shift, side="right") - 1

@@ -15,7 +15,7 @@ from ..._lib.arrays import Floats, Ints
 from ..._lib.threads import run_over, slices
 from ...attractors.labels import Label
 from ...attractors.settling import Catalogue, settle
-from ...maps.coordinates import from_edge, wrap
+from ...maps.coordinates import in_turn, wrap
 from ...maps.grid import CellGrid, Locator, grid_points
 from ...maps.orbit_batch import CHUNK, Orbits, Status
 from ...maps.point_map import PointMap
@@ -151,7 +151,7 @@ def _overhangs(grid: CellGrid, catalogue: Catalogue) -> Ints:
     reach = np.sqrt(np.einsum("njj->nj", np.linalg.inv(catalogue.regions.metrics)))
     corners = [catalogue.regions.centres - reach, *(c.lower + c.boxes * c.widths for _, c, _ in catalogue.covers)]
     sizes = [2.0 * reach, *(np.broadcast_to(c.widths, c.boxes.shape) for _, c, _ in catalogue.covers)]
-    low = from_edge(np.concatenate(corners), np.array(grid.lower), catalogue.turn)
+    low = in_turn(np.concatenate(corners), np.array(grid.lower), catalogue.turn)
     high = low + np.concatenate(sizes)
     out = (((low < grid.lower) | (high > grid.upper)) & ~np.array(grid.wraps)).any(axis=1)
     ends = np.floor((np.stack([low, high], axis=1)[out] - grid.lower) / grid.widths)

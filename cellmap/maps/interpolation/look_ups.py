@@ -8,7 +8,7 @@ import numpy as np
 
 from ..._compiled.codegen.lookup import addresses_of, lookup_kernel
 from ..._compiled.codegen.spline_sum import WIDTH
-from ..._compiled.kernels.labelling import Step, Table
+from ..._compiled.kernels.labelling import Step, Table, find_outside
 from ..._lib.arrays import Bools, Floats, Ints
 from ..cell_table import CellTable
 from ..compiled_advance import UNKNOWN_STEP, CompiledAdvance
@@ -115,14 +115,8 @@ class LookUps(CompiledAdvance):
                 yield part
 
     def _outside(self, points: Floats) -> Bools:
-        outside = np.zeros(len(points), bool)
-        _, _, origin, inverse, cells, circle, *_ = self._description
-        place = (points - origin) * inverse
-        for j in range(points.shape[1]):
-            if circle[j]:
-                place[:, j] -= circle[j] * np.floor(place[:, j] / circle[j])
-                place[:, j] = np.where((place[:, j] >= 0.0) & (place[:, j] < circle[j]), place[:, j], 0.0)
-            outside |= ~((place[:, j] >= 0.0) & (place[:, j] <= cells[j]))
+        outside = np.empty(len(points), bool)
+        find_outside(self._table, points, outside)
         return outside
 
 
