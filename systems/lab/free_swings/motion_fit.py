@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import inf
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +22,8 @@ from .simulation import Simulation, clear_of_noise
 
 Bounds = Mapping[str, tuple[float, float]]
 
+_ROUGH = {"xtol": 1e-4, "ftol": 1e-5, "max_nfev": 20}
+_FINE = {"xtol": 1e-8, "ftol": 1e-10, "max_nfev": 100}
 _NEAR = 1e-4  # of the size of a parameter, from its bound
 _DOUBLINGS = 8  # of the part that is fitted, from the first swing to the whole series, so that no phase slips
 _BEFORE = (0.95, 0.85, 0.7)  # fractions of the time until a motion stops
@@ -169,39 +173,26 @@ def fit_motion(
         raise ValueError(f"measured has {x.shape[1]} columns: {system.name} has {system.dimension} coordinates")
     fine = finite_number("tolerance", tolerance, at_least=1e-13, at_most=1e-3)
     job = Simulation(system, names, t, x, zero, fine, clear_of_noise(t, x))
-    guess = [
-        *(system.params[n] for n in names),
-        *_start(t, x, system, initial_condition),
-        *([0.0] * x.shape[1] if zero else ()),
-    ]
-    begin = np.array(guess)
-    low, high = _bounds(names, begin, bounds or {})
+    zeros = np.zeros(x.shape[1] if zero else 0)
+    begin = np.concatenate([[system.params[n] for n in names], _start(t, x, system, initial_condition), zeros])
+    limits = _bounds(names, begin, bounds or {})
     if job.seen.sum() <= begin.size + 2:
         raise ValueError(f"measured has {job.seen.sum()} values besides gaps for {begin.size} unknowns: give more")
     for doublings in range(_DOUBLINGS, 0, -1):
         part = job.until(0.5**doublings)
         if part.seen.sum() >= 5 * begin.size and part.swings >= 1.0:
-            begin = _least_squares(part, begin, low, high, fine=False).x
-    found = _least_squares(job, begin, low, high, fine=True)
-    return _record(job, found if system.switches is None else _past_stops(job, found, low, high), low, high)
+            begin = _least_squares(part, begin, limits, _ROUGH).x
+    found = _least_squares(job, begin, limits, _FINE)
+    return _record(job, found if system.switches is None else _past_stops(job, found, limits), limits)
 
 
-def _least_squares(job: Simulation, begin: Floats, low: Floats, high: Floats, fine: bool) -> OptimizeResult:
-    xtol, ftol, most = (1e-8, 1e-10, 100) if fine else (1e-4, 1e-5, 20)
-    return least_squares(
-        job.residuals,
-        np.clip(begin, low, high),
-        jac=lambda q: job.slopes(q, low, high),
-        bounds=(low, high),
-        x_scale=job.sizes,
-        xtol=xtol,
-        ftol=ftol,
-        gtol=None,
-        max_nfev=most,
-    )
+def _least_squares(job: Simulation, begin: Floats, bounds: tuple[Floats, Floats], ends: Mapping[str, float]) -> Any:
+    slopes = partial(job.slopes, low=bounds[0], high=bounds[1])
+    start = np.clip(begin, *bounds)
+    return least_squares(job.residuals, start, slopes, bounds, x_scale=job.sizes, gtol=None, **ends)
 
 
-def _past_stops(job: Simulation, found: OptimizeResult, low: Floats, high: Floats) -> OptimizeResult:
+def _past_stops(job: Simulation, found: OptimizeResult, bounds: tuple[Floats, Floats]) -> OptimizeResult:
     """Fit again from what the motion says before it stops, and keep the best.
 
     Where friction may stop it a half swing earlier or later, the sum of squares jumps and has many minima; the part
@@ -215,12 +206,12 @@ def _past_stops(job: Simulation, found: OptimizeResult, low: Floats, high: Float
         last, begun = job.times[moving[-1] + 1], job.times[0]
         part = job.until(fraction * float((last - begun) / (job.times[-1] - begun)))
         if part.seen.sum() >= 5 * found.x.size and part.swings >= 1.0:
-            again = _least_squares(job, _least_squares(part, found.x, low, high, fine=True).x, low, high, fine=True)
+            again = _least_squares(job, _least_squares(part, found.x, bounds, _FINE).x, bounds, _FINE)
             found = min(found, again, key=lambda f: float(f.cost))
     return found
 
 
-def _record(job: Simulation, found: OptimizeResult, low: Floats, high: Floats) -> MotionFit:
+def _record(job: Simulation, found: OptimizeResult, bounds: tuple[Floats, Floats]) -> MotionFit:
     q, simulated = found.x, job(found.x[None])[0]
     if not np.isfinite(simulated).all():
         raise ValueError(f"system={job.system!r}: its motion ends in a failure of the integration; change start=")
@@ -231,7 +222,7 @@ def _record(job: Simulation, found: OptimizeResult, low: Floats, high: Floats) -
     _, stretches, axes = np.linalg.svd(found.jac * job.sizes, full_matrices=False)
     reaches = axes / np.maximum(stretches, max(_UNTOLD * stretches[0], 1e-300))[:, None]
     errors = widening(rest) * job.sizes * np.sqrt((reaches**2).sum(axis=0) * total / (count - free))
-    on_bound = np.minimum(q - low, high - q) <= _NEAR * job.sizes
+    on_bound = np.minimum(q - bounds[0], bounds[1] - q) <= _NEAR * job.sizes
     return MotionFit(
         system=job.system.with_params(**dict(zip(job.names, q.tolist(), strict=False))),
         estimates=dict(zip(job.labels, q.tolist(), strict=True)),
@@ -271,21 +262,19 @@ def _measured(times: ArrayLike, measured: ArrayLike) -> tuple[Floats, Floats]:
     return checked[0][0], np.stack([values for _, values in checked], axis=-1)
 
 
-def _start(t: Floats, x: Floats, system: ForcedSystem, start: Sequence[float] | None) -> list[float]:
+def _start(t: Floats, x: Floats, system: ForcedSystem, start: Sequence[float] | None) -> Floats:
     """First guess of the state at the first time: a parabola through the first samples of each column."""
     if start is not None:
-        return [float(v) for v in finite_points("start", start, system.dimension).reshape(system.dimension)]
+        return finite_points("start", start, system.dimension).reshape(system.dimension)
     if system.dimension != 2 * x.shape[1]:
         raise ValueError(
             f"initial_condition=None: of the {system.dimension} coordinates of {system.name} {x.shape[1]} are "
             "measured; give a first guess of the state at the first time"
         )
-    places, rates = [], []
+    lines = []
     for column in x.T:
         seen = np.flatnonzero(np.isfinite(column))
         rotations = np.flatnonzero(np.diff(np.signbit(column[seen] - np.nanmedian(column)))) + 1
         first = seen[: max(5, int(rotations[0]) // 2 if rotations.size else 5)]
-        c, b, _ = np.polynomial.polynomial.polyfit(t[first] - t[0], column[first], 2)
-        places.append(float(c))
-        rates.append(float(b))
-    return [*places, *rates]
+        lines.append(np.polynomial.polynomial.polyfit(t[first] - t[0], column[first], 2)[:2])
+    return np.transpose(lines).ravel()
