@@ -20,7 +20,7 @@ class Array(NamedTuple):
     ----------
     dims : str
         Names of its dimensions.  ``{parameter}``, ``{x}``, ``{y}`` and ``{cells}`` stand for names that the record
-        gives: of its parameter or two, and of the axes of its grid.
+        gives: of its parameter or two, and, by its `coordinates`, of the axes of its grid.
     about : str
         What it is, in words in which ``{0}`` is the record.
     name : str
@@ -45,8 +45,9 @@ class Array(NamedTuple):
 class Layout(NamedTuple):
     """A record as labelled arrays: a title, coordinates and variables by the names of fields or properties.
 
-    Fields that are neither, of text, numbers, mappings, grids and their like, are attributes of the file, by their
-    names or by those of `attributes`.
+    An array that is None is left out; complex numbers are not for netCDF, so give their parts as properties.  Fields
+    that are neither, of text, numbers, mappings, grids and their like, are attributes of the file, by their
+    names or by those of `attributes`, where an empty name leaves a field out.
     """
 
     title: str

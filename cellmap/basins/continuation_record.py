@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import one_of
@@ -70,7 +71,7 @@ class BasinContinuation(ConvertsToXarray):
         "Basin fractions of {0.system}",
         {
             "values": Array("{parameter}", "{0.parameter}", "{parameter}"),
-            "labels": Array("label", name="label", flags="_meanings"),
+            "_codes": Array("label", name="label", flags="_meanings"),
         },
         {
             "counts": Array("{parameter} label", "initial conditions with the label", unit="1"),
@@ -79,6 +80,7 @@ class BasinContinuation(ConvertsToXarray):
             "present": Array("{parameter} label", "the attractor exists, or the label occurs"),
             "inaccurate": Array("{parameter}", "orbits that missed the tolerance"),
         },
+        {"labels": ""},
     )
 
     system: str
@@ -123,6 +125,10 @@ class BasinContinuation(ConvertsToXarray):
         """Whether each attractor exists at each value, shape (n, m); for negative labels, whether they occur."""
         there = np.array([[k in found for k in self.labels] for found in self.attractors], bool)
         return there.reshape(self.counts.shape) | (self.counts > 0)
+
+    @property
+    def _codes(self) -> NDArray[np.int16]:
+        return np.array(self.labels, np.int16)
 
     @property
     def _meanings(self) -> dict[int, str]:

@@ -6,6 +6,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from functools import cache
 from types import NoneType
 from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
@@ -19,7 +20,7 @@ from ..maps.orbit_batch import Cost
 
 CONVENTIONS = "CF-1.11"
 
-_PLAIN = (str, int, float, Coordinate, CellGrid, Cost)  # types of fields that are attributes
+_PLAIN = (str, bool, int, float, Coordinate, CellGrid, Cost)  # types of fields that are attributes
 
 _OWN = (
     "labels settling_time evidence forward backward initial_condition attractor attractors point coordinate multiplier "
@@ -87,12 +88,14 @@ def about(record: Any, title: str, /, **more: Any) -> dict[str, Any]:
 
 
 def encoded(value: Any) -> Any:
-    """Return a value as an attribute: text and numbers as they are, all else as JSON."""
-    return value if isinstance(value, str | int | float) else json.dumps(plain(value))
+    """Return a value as an attribute: text and numbers as they are, all else as JSON, truth too."""
+    simple = isinstance(value, str | int | float) and not isinstance(value, bool)
+    return value if simple else json.dumps(plain(value))
 
 
-def decoded(kind: Any, value: Any) -> Any:
+def decoded(hint: Any, value: Any) -> Any:
     """Return the value of a field of a type from its attribute."""
+    kind = without_none(hint)
     if kind in (str, int, float):
         return kind(value)
     found, inner = json.loads(value), get_args(kind)
@@ -102,22 +105,27 @@ def decoded(kind: Any, value: Any) -> Any:
         if inner[1] is float:
             return {name: float(number) for name, number in found.items()}
         return Counter(found) if inner[1] is int else found
-    return kind(**found)
+    return bool(found) if kind is bool else kind(**found)
 
 
-def attribute_fields(record: type) -> dict[str, tuple[str, Any]]:
+@cache
+def attribute_fields(record: type) -> Mapping[str, tuple[str, Any]]:
     """Return the attributes that fields of a record are, and their types, by the fields' names."""
     layout: Layout = record._layout  # type: ignore[attr-defined]
     names = {"name": "system", "coordinates": "state_variables", **layout.attributes}
     found = {}
     for field, hint in get_type_hints(record).items():
-        kind = (
-            next((one for one in get_args(hint) if one is not NoneType), hint) if NoneType in get_args(hint) else hint
-        )
+        kind = without_none(hint)
         within = get_args(kind)[0] if get_origin(kind) is tuple else kind
-        if field not in {**layout.coords, **layout.variables} and (get_origin(kind) is Mapping or within in _PLAIN):
-            found[field] = (names.get(field, field), kind)
+        name = names.get(field, field if field not in {**layout.coords, **layout.variables} else "")
+        if name and (get_origin(kind) is Mapping or within in _PLAIN):
+            found[field] = (name, hint)
     return found
+
+
+def without_none(hint: Any) -> Any:
+    """Return the type of a field where it is not None."""
+    return get_args(hint)[0] if NoneType in get_args(hint) else hint
 
 
 class Variable(NamedTuple):
@@ -164,5 +172,5 @@ def values_of(record: Any, variable: Variable) -> Any:
     """Return the values of a variable."""
     values = getattr(record, variable.field)
     if isinstance(values, tuple):
-        return np.array(values, np.int16 if all(isinstance(value, int) for value in values) else object)
+        return np.array(values, object if any(isinstance(value, str) for value in values) else None)
     return values if variable.place is None else values[..., variable.place]

@@ -115,20 +115,24 @@ def dataset_of(record: Any) -> Any:
     """Return a record as a Dataset, by its layout."""
     layout: Layout = record._layout
     parts: list[dict[str, Any]] = [
-        {name: (v.dims, values_of(record, v), _about(record, v)) for name, v in variables_of(arrays, record).items()}
+        {
+            name: (v.dims, values_of(record, v), _about(record, v))
+            for name, v in variables_of(arrays, record).items()
+            if getattr(record, v.field) is not None
+        }
         for arrays in (layout.coords, layout.variables)
     ]
     coords, variables = parts
     dims = {dim for part in parts for dims, _, _ in part.values() for dim in dims}
     names = names_of(record)
-    if "{cells}" in {array.dims for array in layout.variables.values()}:
+    if any("{cells}" in array.dims for array in layout.variables.values()):
         for j, (name, c) in enumerate(zip(names["states"], record.coordinates, strict=True)):
             own = record.initial_conditions[..., j] if record.grid is None else record.grid.axis(j)
             coords[name] = (names["cells"].split() if record.grid is None else name, own, coordinate_attributes(c))
     if "coordinate" in dims:
         coords["coordinate"] = ("coordinate", np.array([c.name for c in record.coordinates], object))
     attributes = about(record, layout.title.format(record))
-    for field, (name, _) in attribute_fields(type(record)).items():
+    for field, (name, _) in attribute_fields(record.__class__).items():
         if getattr(record, field) is not None:
             attributes[name] = encoded(getattr(record, field))
     return xarray_package().Dataset(variables, coords, attributes)

@@ -7,7 +7,7 @@ import json
 import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields, replace
-from types import SimpleNamespace
+from types import NoneType, SimpleNamespace
 from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -28,7 +28,7 @@ from ..maps.orbit_batch import Cost
 from ..maps.point_map import PointMap
 from .attractor_group import attractors_of
 from .branch_records import OtherMapError, rebuilt
-from .conventions import attribute_fields, decoded, variable_names, variables_of
+from .conventions import attribute_fields, decoded, variable_names, variables_of, without_none
 from .datasets import BOUNDARY, to_xarray
 from .optional import xarray_package
 
@@ -74,7 +74,7 @@ def from_xarray(tree: Any, point_map: PointMap | None = None) -> Any:
     if not isinstance(tree, xarray.DataTree | xarray.Dataset):
         raise TypeError(f"tree={shown(tree)}: give a DataTree or a Dataset of xarray, as to_xarray returns it")
     kind = tree.attrs.get("record")
-    read_by = _READERS.get(str(kind)) or _by_layout(kind)
+    read_by = _READERS.get(str(kind)) or _by_layout(str(kind))
     if read_by is None:
         raise ValueError(
             f"tree has the attribute record={shown(kind)}: give what to_xarray of this version makes of one of "
@@ -139,15 +139,23 @@ class _Read:
     def record(self, kind: type, /, **given: Any) -> Any:
         """Return a record, by its layout, from what is given of it, the attributes and the variables."""
         attributes = {field: at for field, at in attribute_fields(kind).items() if field not in given}
-        given |= {field: decoded(hint, self.attributes[name]) for field, (name, hint) in attributes.items()}
+        for field, (name, hint) in attributes.items():
+            missing = name not in self.attributes and NoneType in get_args(hint)
+            given[field] = None if missing else decoded(hint, self.attributes[name])
         layout: Layout = kind._layout  # type: ignore[attr-defined]
         known, hints, split = SimpleNamespace(**given), get_type_hints(kind), dict[str, list[NDArray[Any]]]()
         for name, variable in variables_of({**layout.coords, **layout.variables}, known).items():
-            hint, field = hints.get(variable.field), variable.field
-            if get_origin(hint) is tuple:
-                whole = get_args(hint)[0] is int
-                given[field] = tuple(self.array(name, np.int16).tolist() if whole else map(str, self.tree[name].values))
-            elif hint is not None and field not in given:
+            field = variable.field
+            if field not in hints or field in given:
+                continue
+            hint = without_none(hints[field])
+            if hint is not hints[field] and name not in self.tree.variables:
+                given[field] = None
+            elif get_origin(hint) is tuple:
+                one = get_args(hint)[0]
+                values = self.tree[name].values if one is str else self.array(name, np.dtype(one))
+                given[field] = tuple(map(one, values.tolist()))
+            else:
                 over_cells = variable.about.dims == "{cells}"
                 array = self.array(name, get_args(get_args(hint)[1])[0], _cells_of(known) if over_cells else None)
                 split.setdefault(field, []).append(array)
@@ -202,7 +210,10 @@ def _continuation(read: _Read, _: Any = None) -> BasinContinuation:
     rows = zip(group["value_number"].values.tolist(), group["label"].values.tolist(), strict=True)
     for (k, label), attractor in zip(rows, attractors_of(group, read.coordinates), strict=True):
         attractors[k][label] = attractor
-    found: BasinContinuation = read.record(BasinContinuation, attractors=tuple(attractors), initial_conditions=given)
+    labels = tuple(read.array("label", np.int16).tolist())
+    found: BasinContinuation = read.record(
+        BasinContinuation, attractors=tuple(attractors), initial_conditions=given, labels=labels
+    )
     return found
 
 
@@ -227,7 +238,7 @@ _READERS: Mapping[str, Callable[[_Read, PointMap | None], Any]] = {
 """What makes a result of a tree that is more than the arrays of its layout, by its class."""
 
 
-def _by_layout(name: Any) -> Callable[[_Read, PointMap | None], Any] | None:
+def _by_layout(name: str) -> Callable[[_Read, PointMap | None], Any] | None:
     """Return what reads a public record of a name, where its layout and its attributes are all that it consists of."""
     library = importlib.import_module(__name__.partition(".")[0])
     packages = pkgutil.walk_packages(library.__path__, f"{library.__name__}.")

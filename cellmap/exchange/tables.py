@@ -119,12 +119,9 @@ def columns_of(result: Any) -> dict[str, Any]:
             return _bifurcation_columns(result)
     layout: Layout | None = getattr(result, "_layout", None)
     variables = {} if layout is None else variables_of({**layout.coords, **layout.variables}, result)
-    if (
-        variables
-        and len({v.dims for v in variables.values()}) == 1
-        and all(len(v.dims) == 1 for v in variables.values())
-    ):
-        return {name: values_of(result, variable) for name, variable in variables.items()}
+    columns = {name: values_of(result, v) for name, v in variables.items() if getattr(result, v.field) is not None}
+    if len({variables[name].dims for name in columns}) == 1 == max(map(np.ndim, columns.values())):
+        return columns
     raise TypeError(
         f"result={shown(result)}: give Basins, a Branch, a BifurcationCurve, a BifurcationDiagram, an AttractorAtlas, "
         "a CircleBranch, a ConnectionBranch, a TangencyCurve, another record with arrays along one dimension, or a "

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+import xarray
 from matplotlib.axes import Axes
 
 from cellmap import plot
@@ -28,7 +29,8 @@ class Decay(ConvertsToXarray, ConvertsToDataFrame):
     _layout: ClassVar = Layout(
         "Decay of {0.name}",
         {"values": Array("{parameter}", "{0.parameter}", "{parameter}")},
-        {"rate": Array("{parameter}", "rate of decay", unit="1/s"), "ends": Array("{parameter}", flags=Label)},
+        {"rate": Array("{parameter}", "rate of decay", unit="1/s"), "ends": Array("{parameter}", flags=Label)}
+        | {name: Array("{parameter}") for name in ("steps", "orders", "words", "errors")},
         {"bound": "upper_bound"},
     )
     _made_by: ClassVar = "decay_of"
@@ -39,16 +41,25 @@ class Decay(ConvertsToXarray, ConvertsToDataFrame):
     rate: Floats
     ends: Ints
     bound: float = 1.0
+    steps: tuple[float, ...] = (0.25, 1e6)
+    orders: tuple[int, ...] = (70_000, -1)
+    words: tuple[str, ...] = ("a", "b")
+    errors: Floats | None = None
+    limit: float | None = None
+    sure: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Paths(ConvertsToXarray):
     """Points of state variables."""
 
-    _layout: ClassVar = Layout("Paths", {}, {"points": Array("path", name="end_{state}"), "twice": Array("path")})
+    _layout: ClassVar = Layout(
+        "Paths", {}, {"points": Array("path", name="end_{state}"), "twice": Array("path"), "whole": Array("path step")}
+    )
 
     points: Floats
     coordinates: tuple[Coordinate, ...]
+    whole: Floats | None = None
 
     @property
     def twice(self) -> Floats:
@@ -65,13 +76,24 @@ def test_variables_attributes_and_a_table_follow():
     assert found["rate"].dims == ("my_rate",) and found["rate"].attrs == {"long_name": "rate of decay", "units": "1/s"}
     assert found["my_rate"].attrs == {"long_name": "my rate"} and "my_rate" in found.coords
     assert found["ends"].attrs["flag_values"].tolist()[0] == int(next(iter(Label)))
-    assert to_dataframe(DECAY)["rate"].tolist() == [0.5, 0.25]
+    assert "errors" not in found and "limit" not in found.attrs
+    table = to_dataframe(DECAY)
+    assert table["rate"].tolist() == [0.5, 0.25] and "errors" not in table
+    with pytest.raises(TypeError, match="give Basins"):
+        to_dataframe(Paths(np.zeros((2, 2)), (angle("theta"), Coordinate("v")), np.zeros((2, 3))))
 
 
-def test_it_is_read_by_its_types():
+def test_it_is_read_by_its_types(tmp_path):
     again = _Read(DECAY.to_xarray()).record(Decay)
     assert (again.name, again.parameter, again.bound) == ("rods", "my rate", 3.0)
     assert again.rate.dtype == np.float64 and again.ends.tolist() == [-1, -2]
+    assert (again.steps, again.orders, again.words) == (DECAY.steps, DECAY.orders, DECAY.words)
+    assert (again.errors, again.limit, again.sure) == (None, None, False)
+    other = replace(DECAY, errors=np.array([0.1, 0.2]), limit=2.0, sure=True)
+    other.to_xarray().to_netcdf(tmp_path / "decay.nc", engine="h5netcdf")
+    with xarray.open_dataset(tmp_path / "decay.nc", engine="h5netcdf") as file:
+        again = _Read(file.load()).record(Decay)
+    assert (again.errors.tolist(), again.limit, again.sure, again.words) == ([0.1, 0.2], 2.0, True, ("a", "b"))
     with pytest.raises(ValueError, match="rate is int64"):
         _Read(DECAY.to_xarray().assign(rate=DECAY.to_xarray()["rate"].astype(np.int64))).record(Decay)
     with pytest.raises(ValueError, match="record='Decay': give what to_xarray"):
