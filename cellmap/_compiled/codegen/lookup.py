@@ -146,27 +146,21 @@ class _Axis:
     cells: Value
     stride: Value
     around: Value
-    cut: Value
     inverse_turn: Value
+    cut: Value
     last: Value
 
 
 def _loaded_axes(out: Instructions, strides: Sequence[str]) -> list[_Axis]:
-    loaded = []
-    for a in range(len(strides) - 1):
-        names = ("origin", "inverse", "circle", "lower", "turn")
-        given = [out.load(out.address(f"%{name}", a)) for name in names]
-        cells = out.result(f"sitofp i64 {out.load_whole(out.address('%cells', a))} to double")
-        loaded.append((*given, cells, out.result(f"sitofp i64 {strides[a]} to double")))
     axes = []
-    for *given, lower, turn, cells, stride in loaded:
-        origin, inverse, circle = given
-        on_circle = circle > 0.0
-        around = where(on_circle, 1.0 / circle, 0.0)
+    for a, stride in enumerate(strides[:-1]):
+        names = ("origin", "inverse", "circle", "lower", "turn")
+        origin, inverse, circle, lower, turn = (out.load(out.address(f"%{name}", a)) for name in names)
+        whole = (out.load_whole(out.address("%cells", a)), stride)
+        cells, apart = (out.result(f"sitofp i64 {count} to double") for count in whole)
+        around, inverse_turn = (where(period > 0.0, 1.0 / period, 0.0) for period in (circle, turn))
         cut = where(turn > 0.0, lower, 0.0)
-        turns = turn > 0.0
-        inverse_turn = where(turns, 1.0 / turn, 0.0)
-        axes.append(_Axis(origin, inverse, circle, lower, turn, cells, stride, around, cut, inverse_turn, cells - 1.0))
+        axes.append(_Axis(origin, inverse, circle, lower, turn, cells, apart, around, inverse_turn, cut, cells - 1.0))
     return axes
 
 
@@ -196,13 +190,11 @@ def _write_places(out: Instructions, block: _Block, axes: Sequence[_Axis]) -> No
         for x, axis in zip(states, axes, strict=True):
             u = (x - axis.origin) * axis.inverse
             u = u - axis.circle * simd_math.floor(u * axis.around)
-            on_line = axis.circle <= 0.0
-            places.append(where(on_line | ((number(0.0) <= u) & (u < axis.circle)), u, 0.0))
+            places.append(where((axis.circle <= 0.0) | ((u >= 0.0) & (u < axis.circle)), u, 0.0))
         inside = where(functools.reduce(operator.and_, _limits(places, axes)), 1.0, 0.0)
         numbers, fractions = [], []
         for place, axis in zip(places, axes, strict=True):
-            is_inside = inside > 0.0
-            u = where(is_inside, place, 0.0)
+            u = where(inside > 0.0, place, 0.0)
             below = simd_math.floor(u)
             numbers.append(where(axis.last < below, axis.last, below))
             fractions.append(u - numbers[-1])
@@ -219,7 +211,7 @@ def _write_places(out: Instructions, block: _Block, axes: Sequence[_Axis]) -> No
 def _limits(places: Sequence[Value], axes: Sequence[_Axis]) -> Iterator[Value]:
     """Write the comparisons that hold inside of the table."""
     for u, axis in zip(places, axes, strict=True):
-        yield number(0.0) <= u
+        yield u >= 0.0
         yield u <= axis.cells
 
 
@@ -319,8 +311,7 @@ def _write_turns(out: Instructions, block: _Block, axes: Sequence[_Axis]) -> Non
         for x, w, axis in zip(states, rotations, axes, strict=True):
             whole = simd_math.floor((x - axis.cut) * axis.inverse_turn)
             y = x - whole * axis.turn
-            below = y < axis.lower
-            wrapped.append((where(below, axis.lower, y), w + whole))
+            wrapped.append((where(y < axis.lower, axis.lower, y), w + whole))
         for (y, w), x_base, w_base in zip(wrapped, block.x, block.w, strict=True):
             out.store(y, out.address(x_base, m))
             out.store(w, out.address(w_base, m))

@@ -11,8 +11,6 @@ do not damp it; the sum of that is what ``error`` receives.  It is infinite for 
 
 from __future__ import annotations
 
-import functools
-import operator
 from collections.abc import Iterator
 
 from ..kernels.blocks import LANES
@@ -87,8 +85,7 @@ def own_steps_text(step: OwnStep, dimension: int, parameters: int, width: int) -
                 ]
                 size = fraction * total(_sizes(local, scales, after))
                 takes = where((size <= 1.0) & (left > 0.0), 1.0, 0.0)
-                in_vain = functools.reduce(operator.and_, [left > 0.0, takes.equals(0.0), h < least])
-                lost = where(in_vain, 1.0, 0.0)
+                lost = where((left > 0.0) & takes.equals(0.0) & (h < least), 1.0, 0.0)
                 wanted = _next_length(h, size, takes, wanted)
                 reached = where(h >= left, end, t + h)
                 arrived = _chosen(lost, end, takes, reached, t)
@@ -121,8 +118,7 @@ def _next_length(h: Value, size: Value, takes: Value, wanted: Value) -> Value:
     change = 0.9 / (eighth * simd_math.sqrt(eighth))
     bounded = simd_math.fmin(simd_math.fmax(change, number(0.2)), number(6.0))
     following = h * where(size < 1e300, bounded, 0.1)
-    longer = (takes > 0.0) & (h < wanted)
-    return where(longer, simd_math.fmax(following, wanted), following)
+    return where((takes > 0.0) & (h < wanted), simd_math.fmax(following, wanted), following)
 
 
 def _sizes(errors: Values, scales: Values, states: Values) -> Iterator[Value]:
@@ -134,8 +130,7 @@ def _sizes(errors: Values, scales: Values, states: Values) -> Iterator[Value]:
 
 def _chosen(lost: Value, at_end: Value, takes: Value, moved: Value, kept: Value) -> Value:
     """Return one of three, for a lane that is lost, takes the step, or does not."""
-    ends = lost > 0.0
-    return where(ends, at_end, where(takes > 0.0, moved, kept))
+    return where(lost > 0.0, at_end, where(takes > 0.0, moved, kept))
 
 
 def _eighth_root(x: Value) -> Value:

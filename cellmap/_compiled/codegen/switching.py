@@ -323,8 +323,7 @@ def _lane_step(series: Series, counts: Sequence[bool], tolerance: float, lane: _
         rest = total(abs(term) for term in events[e][3:])
         if counted:
             ends = simd_math.fmax(abs(a), abs(a + b + c))
-            turning = (b * c < 0.0) & (abs(b) < 2.0 * abs(c))
-            top = where(turning, abs(a - 0.25 * b * b / c), 0.0)
+            top = where((b * c < 0.0) & (abs(b) < 2.0 * abs(c)), abs(a - 0.25 * b * b / c), 0.0)
             quiet.append(0.5 - simd_math.fmax(ends, top) - rest - gaps[e])
         else:
             ends = simd_math.fmin(a, a + b + c)
@@ -334,12 +333,12 @@ def _lane_step(series: Series, counts: Sequence[bool], tolerance: float, lane: _
     # Where an event may lie that its series does not show, what is not seen of it counts as an error of the states.
     for e, (a, b, c, rest) in enumerate(sizes):
         if hides(structure, series.extra[e]):
-            may_be = (quiet[e] <= 0.0) & (gaps[e] > 0.0)
-            unseen = where(may_be, gaps[e] / (abs(a) + abs(b) + abs(c) + rest), 0.0)
+            whole = abs(a) + abs(b) + abs(c) + rest
+            unseen = where((quiet[e] <= 0.0) & (gaps[e] > 0.0), gaps[e] / whole, 0.0)
             for j, state in enumerate(series.states):
                 errors[j] = errors[j] + unseen * (abs(state[1]) + abs(state[2]))
     sums = [s + error for s, error in zip(lane.sums, errors, strict=True)]
     least = functools.reduce(simd_math.fmin, quiet)
     # A lane whose mode has just begun is looked at in any case, which ends its beginning; so is one at a blow-up.
-    fine = functools.reduce(operator.and_, [least > 0.0, total(lane.begun).equals(0.0), time > begin])
+    fine = (least > 0.0) & total(lane.begun).equals(0.0) & (time > begin)
     return _Stepped(after, errors, sums, time, events, gaps, where(fine, 0.0, 1.0))
