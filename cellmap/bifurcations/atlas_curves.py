@@ -110,17 +110,10 @@ def _curve(
     end = float(along[np.clip(place[axis] + side * _BEYOND, 0, len(along) - 1)])
     back = float(along[np.clip(place[axis] - side, 0, len(along) - 1)])
     point_map = exact.with_params(**here)
-    extent = np.maximum(np.abs(attractors.point[row]), 1.0)
-    period = int(attractors.period[row])
-    solution, settled = newton(point_map, attractors.point[row][None], np.array([period]), extent)
-    if not settled[0]:
-        return None
-    orbit = closed_orbit(point_map, solution[0], period, extent)
-    low, high = min(end, back), max(end, back)
     try:
-        branch = continue_orbit(point_map, orbit, name, low, high, step=0.1, max_points=100)
-        at = _first(branch, here[name], side)
-        if at is None:
+        branch = _branch(point_map, attractors.point[row], int(attractors.period[row]), name, (end, back))
+        at = None if branch is None else _first(branch, here[name], side)
+        if branch is None or at is None:
             return None
         branch, at = _of_parent(branch, at)
         other = axes[1 - axis]
@@ -128,6 +121,18 @@ def _curve(
         return continue_bifurcation(branch, at, names[1 - axis], first, second, step=_STEP, max_points=400)
     except ValueError:
         return None
+
+
+def _branch(
+    point_map: PointMap, point: Floats, period: int, parameter: str, ends: tuple[float, float]
+) -> Branch | None:
+    """Return the branch of the orbit next to a point between two values of a parameter; None where there is none."""
+    extent = np.maximum(np.abs(point), 1.0)
+    solution, settled = newton(point_map, point[None], np.array([period]), extent)
+    if not settled[0]:
+        return None
+    orbit = closed_orbit(point_map, solution[0], period, extent)
+    return continue_orbit(point_map, orbit, parameter, min(ends), max(ends), step=0.1, max_points=100)
 
 
 def _first(branch: Branch, value: float, side: int) -> Bifurcation | None:
@@ -155,19 +160,10 @@ def _of_parent(branch: Branch, at: Bifurcation) -> tuple[Branch, Bifurcation]:
     apart = difference(follow(point_map, at.point, half).points, at.point, point_map.coordinates)
     if not (np.abs(apart) <= _SAME * extent).all():
         return branch, at
-    solution, settled = newton(point_map, at.point[None], np.array([half]), extent)
-    if not settled[0]:
-        return branch, at
     reach = float(np.ptp(branch.values))
-    parent = continue_orbit(
-        point_map,
-        closed_orbit(point_map, solution[0], half, extent),
-        branch.parameter,
-        at.value - reach,
-        at.value + reach,
-        step=0.1,
-        max_points=100,
-    )
+    parent = _branch(point_map, at.point, half, branch.parameter, (at.value - reach, at.value + reach))
+    if parent is None:
+        return branch, at
     doublings = parent.of_kind(BifurcationKind.PERIOD_DOUBLING)
     nearest = min(doublings, key=lambda b: abs(b.value - at.value), default=None)
     return (branch, at) if nearest is None else (parent, nearest)

@@ -149,7 +149,7 @@ def joined(back: Pieces, ahead: Pieces) -> Branch:
         period=first.problem.period,
         values=np.clip(states[:, -1], *first.interval),
         points=wrap(states[:, :d], first.point_map.coordinates),
-        multipliers=np.array([tracer.detector.multipliers(place) for tracer, place in seen]),
+        multipliers=np.array([tracer.problem.multipliers(place) for tracer, place in seen]),
         bifurcations=tuple(found),
         ends=(back[-1][1].end if back else "bifurcation", ahead[-1][1].end),
         point_map=first.point_map,

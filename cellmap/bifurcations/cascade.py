@@ -59,11 +59,9 @@ class Cascade:
     @property
     def periods(self) -> Ints:
         """Periods of the orbits that bifurcate at the doublings; without a doubling, the period of the orbit."""
-        doubled = [2 * b.period for b, kind in self._with_kinds() if kind is BifurcationKind.PERIOD_DOUBLING]
+        both = zip(self.branches, self.bifurcations, strict=False)
+        doubled = [2 * branch.period for branch, b in both if b.kind is BifurcationKind.PERIOD_DOUBLING]
         return np.array(doubled or [self.branches[0].period])
-
-    def _with_kinds(self) -> list[tuple[Branch, BifurcationKind]]:
-        return [(branch, b.kind) for branch, b in zip(self.branches, self.bifurcations, strict=False)]
 
     @property
     def ratios(self) -> Floats:

@@ -160,33 +160,40 @@ def continue_circle(
     if states.ndim != 1:
         raise ValueError(f"initial_condition has shape {states.shape}: give one state")
     steps = whole_number("transient", transient, at_least=1)
-    status: list[CircleStatus] = []
-    circles: list[InvariantCircle | None] = []
-    numbers = np.full((5, axis.size), np.nan)
-    periods = np.zeros(axis.size, np.int64)
+    found: list[tuple[CircleStatus, InvariantCircle | None, int, float]] = []
     label = f"invariant circle over {parameter}" if progress else None
     with progress_bar(axis.size, label) as tick:
-        for k, value in enumerate(axis.tolist()):
+        for value in axis.tolist():
             check_stop()
             here = exact.with_params(**{parameter: value})
             orbits = Orbits.starting(states[None].copy())
             here.advance(orbits, steps)
-            found, circle, period, rotation = _looked_at(here, orbits, steps)
-            if found is not CircleStatus.ESCAPED:
+            found.append(_looked_at(here, orbits, steps))
+            if found[-1][0] is not CircleStatus.ESCAPED:
                 states = orbits.points[0]
-            status.append(found)
-            circles.append(circle)
-            periods[k] = period
-            numbers[0, k] = rotation
-            if circle is not None:
-                numbers[1:4, k] = circle.frequency_error, circle.invariance_error, decay_of(circle)
-                numbers[4, k] = across_exponent(here, circle)
-            elif period:
-                numbers[1, k] = 0.0
             tick(1)
+    return circle_branch(exact, parameter, axis, found)
+
+
+def circle_branch(
+    exact: PointMap,
+    parameter: str,
+    values: Floats,
+    found: Sequence[tuple[CircleStatus, InvariantCircle | None, int, float]],
+    ends: tuple[str, str] = ("first value", "last value"),
+) -> CircleBranch:
+    """Return the record of what orbits are on at values (n,), the circles, the periods and the rotation numbers."""
+    status, circles, periods, rotation = zip(*found, strict=True)
+    errors, invariance, decay, exponents = np.full((4, len(values)), np.nan)
+    for k, (circle, value) in enumerate(zip(circles, values.tolist(), strict=True)):
+        if circle is not None:
+            errors[k], invariance[k], decay[k] = circle.frequency_error, circle.invariance_error, _decay_of(circle)
+            exponents[k] = across_exponent(exact.with_params(**{parameter: value}), circle)
+        elif periods[k]:
+            errors[k] = 0.0
     return CircleBranch(
-        parameter, axis, tuple(status), numbers[0], numbers[1], periods, numbers[2], numbers[3], tuple(circles),
-        exact.coordinates, numbers[4],
+        parameter, values, status, np.array(rotation), errors, np.array(periods, np.int64), invariance, decay, circles,
+        exact.coordinates, exponents, ends,
     )  # fmt: skip
 
 
@@ -225,7 +232,7 @@ def _locked_rotation(history: Floats, rotations: Ints, coordinates: Sequence[Coo
     return float((rank[1] - rank[0]) % period / period)
 
 
-def decay_of(circle: InvariantCircle) -> float:
+def _decay_of(circle: InvariantCircle) -> float:
     """Return the rate at which Fourier coefficients fall, from the least-squares line through their logarithms."""
     sizes = np.abs(circle.coefficients).max(axis=(0, 1))
     middle = len(sizes) // 2

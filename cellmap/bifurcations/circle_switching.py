@@ -12,8 +12,8 @@ from ..maps.tangent import tangent
 from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
 from ..orbits.orbit_equations import natural_sizes
 from .branch import Bifurcation, Branch
-from .circle_branches import CircleBranch, CircleStatus, decay_of
-from .circle_equations import CircleProblem, across_exponent
+from .circle_branches import CircleBranch, CircleStatus, circle_branch
+from .circle_equations import CircleProblem
 from .intervals import interval_between, limits_of
 from .kinds import BifurcationKind
 
@@ -174,23 +174,9 @@ def _record(
 ) -> CircleBranch:
     """Return the circles as a record."""
     values = np.clip([unknowns[-1] * problem.scale[-1] for problem, unknowns in found], *interval)
-    circles, exponents = [], []
-    for (problem, unknowns), value in zip(found, values.tolist(), strict=True):
-        here = exact.with_params(**{parameter: value})
-        circles.append(problem.circle(here, unknowns))
-        exponents.append(across_exponent(here, circles[-1]))
-    errors = np.array([c.invariance_error for c in circles])
-    return CircleBranch(
-        parameter=parameter,
-        values=values,
-        status=(CircleStatus.SMOOTH,) * len(found),
-        rotation=np.array([c.frequency for c in circles]),
-        rotation_errors=errors,
-        period=np.zeros(len(found), np.int64),
-        invariance_errors=errors.copy(),
-        decay=np.array([decay_of(c) for c in circles]),
-        circles=tuple(circles),
-        coordinates=exact.coordinates,
-        exponents=np.array(exponents),
-        ends=("bifurcation", end),
-    )
+    circles = [
+        problem.circle(exact.with_params(**{parameter: value}), unknowns)
+        for (problem, unknowns), value in zip(found, values.tolist(), strict=True)
+    ]
+    looked = [(CircleStatus.SMOOTH, circle, 0, circle.frequency) for circle in circles]
+    return circle_branch(exact, parameter, values, looked, ("bifurcation", end))

@@ -100,17 +100,13 @@ class Detector:
 
     problem: OrbitProblem
 
-    def multipliers(self, place: SolutionPoint) -> Complexes:
-        """Return the multipliers at a solution point."""
-        return self.problem.multipliers(place)
-
     def unstable(self, place: SolutionPoint) -> int:
         """Return the number of unstable multipliers at a solution point."""
-        return int(unstable_count(self.multipliers(place)))
+        return int(unstable_count(self.problem.multipliers(place)))
 
     def values_at(self, place: SolutionPoint) -> TestValues:
         """Return the values of the test functions at a solution point."""
-        return TestValues(np.array([self._test(kind, place) for kind in TESTS]), self.multipliers(place))
+        return TestValues(np.array([self._test(kind, place) for kind in TESTS]), self.problem.multipliers(place))
 
     def events(self, step: ContinuationStep, before: TestValues, after: TestValues) -> tuple[list[Bifurcation], bool]:
         """Return the bifurcations on a step, in its order, and whether they explain what has changed on it."""
@@ -145,7 +141,7 @@ class Detector:
 
     def _test(self, kind: BifurcationKind, place: SolutionPoint, leave: int = 0) -> float:
         if leave:
-            return float(np.prod(_factors_of(kind, self.multipliers(place))[leave:]).real)
+            return float(np.prod(_factors_of(kind, self.problem.multipliers(place))[leave:]).real)
         if kind is BifurcationKind.FOLD:
             return float(place.tangent[-1])
         if kind is BifurcationKind.PITCHFORK:
@@ -168,7 +164,7 @@ class Detector:
 
     def _exactly(self, place: SolutionPoint | None) -> int | None:
         """Return the number of multipliers outside the unit circle, however near to it; None for no place."""
-        return None if place is None else int(unstable_count(self.multipliers(place), 0.0))
+        return None if place is None else int(unstable_count(self.problem.multipliers(place), 0.0))
 
     def _where_count_changes(self, step: ContinuationStep, count: int) -> SolutionPoint:
         low, high, place = 0.0, step.length, step.end
@@ -184,7 +180,7 @@ class Detector:
         return place
 
     def _kind_of_change(self, place: SolutionPoint) -> BifurcationKind:
-        found = self.multipliers(place)
+        found = self.problem.multipliers(place)
         collide = _is_volume_preserving(found) and self._is_complex(found)
         return BifurcationKind.NEIMARK_SACKER if collide else BifurcationKind.DEGENERATE
 
@@ -222,7 +218,7 @@ class Detector:
                     kind = BifurcationKind.TRANSCRITICAL
                 elif self._is_continuum(unknowns, branch_direction):
                     kind, branch_direction = BifurcationKind.DEGENERATE, None
-        multipliers = self.multipliers(place)
+        multipliers = self.problem.multipliers(place)
         if kind is BifurcationKind.NEIMARK_SACKER and not self._is_complex(multipliers):
             kind = BifurcationKind.DEGENERATE
         if kind is BifurcationKind.PERIOD_DOUBLING:
