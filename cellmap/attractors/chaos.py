@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.arrays import Bools, Floats, Ints
-from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
@@ -24,7 +23,7 @@ from .boxes import boxes_around, boxes_of, inside_cover, moved_boxes
 from .clouds import Clouds, pieces_of, recurrent_groups
 from .creeping import creeping
 from .matching import thinned
-from .settling import RESIDENCE
+from .settling import RESIDENCE, path_of
 from .transients import HALF, Late, Reason, follow_on
 
 _EXPONENT_PERIODS = 300
@@ -93,37 +92,50 @@ def examine(
     lasting = doubts == Reason.TRANSIENT
     reasons[rows[~lasting]] = doubts[~lasting]
     rows, orbit, exponents = rows[lasting], orbit[lasting], exponents[lasting]
-    history = np.empty((_SAMPLE_PERIODS, *orbit.points.shape))
-    for points in history:
-        check_stop()
-        point_map.advance(orbit, 1)
-        points[:] = orbit.points
+    history = path_of(point_map, orbit, _SAMPLE_PERIODS)
     alive = orbit.alive
     rows, history, exponents = rows[alive], history[:, alive], exponents[alive]
     if not len(rows):
         return Examination((), tuple(map(Reason, reasons)))
-    lower, widths = _lattice(history.reshape(-1, point_map.dimension), point_map, reach)
-    path = followed.path[:, lasting][:, alive]
+    paths = followed.path[:, lasting][:, alive], followed.transients
+    found, reasons[rows] = _distinguished(point_map, history, exponents, *paths, reach, known, late)
+    return Examination(tuple(found), tuple(Reason(r) for r in reasons if r is not None))
+
+
+def _distinguished(
+    point_map: PointMap,
+    history: Floats,
+    exponents: Floats,
+    path: Floats,
+    transients: Floats,
+    extent: Floats,
+    known: Sequence[Attractor],
+    late: Late | None,
+) -> tuple[list[Attractor], NDArray[Any]]:
+    """Return the new attractors of chaotic orbits (periods, n, d), and for each orbit (n,) why it is on none, or None.
+
+    ``path`` is where the orbits were before, ``transients`` are pieces of others, see :func:`recurrent_groups`.
+    """
+    lower, widths = _lattice(history.reshape(-1, point_map.dimension), point_map, extent)
     met = [thinned(a.points, _KNOWN) for a in known if a.kind is Kind.CHAOTIC]
     clouds = Clouds(point_map, [*history.swapaxes(0, 1), *met], _BOXES * widths)
-    group, leaves = recurrent_groups(clouds, path, widths, followed.transients)
+    group, leaves = recurrent_groups(clouds, path, widths, transients)
     fading = None if late is None else _fading(point_map, clouds, group, late, known)
-    new, groups = np.arange(len(group)) < len(rows), []
+    reasons, groups, found = np.full(history.shape[1], None, object), [], []
+    new = np.arange(len(group)) < len(reasons)
     for g in np.unique(group[new]):
         mine = np.flatnonzero(new & (group == g))
         if (group[~new] == g).any():
-            reasons[rows[mine]] = Reason.VISITING
+            reasons[mine] = Reason.VISITING
         elif leaves[mine].any() or (fading is not None and g in fading):
-            reasons[rows[mine]] = Reason.TRANSIENT
+            reasons[mine] = Reason.TRANSIENT
         else:
             groups.append(mine)
-    found = []
     for mine, cover in zip(*_apart(history, groups, lower, widths, point_map), strict=True):
         points, spectrum = history[:, mine].reshape(-1, point_map.dimension), -np.sort(-exponents[mine], axis=-1)
         resolved = _resolution(clouds, mine, cover)
         found.append(aperiodic(Kind.CHAOTIC, points, spectrum.mean(axis=0), point_map, cover, resolution=resolved))
-        reasons[rows[mine]] = None
-    return Examination(tuple(found), tuple(Reason(r) for r in reasons if r is not None))
+    return found, reasons
 
 
 def aperiodic(
@@ -184,15 +196,9 @@ def _tested(point_map: PointMap, points: Floats, extent: Floats, periods: int) -
 
 def _returns(point_map: PointMap, states: Floats, extent: Floats) -> Bools:
     """Tell which orbits come back to within rounding of where they were."""
-    orbit = Orbits.starting(states.copy())
-    back = np.zeros(len(states), bool)
-    for _ in range(_LONGEST_RETURN):
-        check_stop()
-        point_map.advance(orbit, 1)
-        apart = np.abs(difference(orbit.points, states, point_map.coordinates))
-        with np.errstate(invalid="ignore"):
-            back |= (apart <= 1e-7 * resolution(states, extent)).all(axis=-1)
-    return back
+    path = path_of(point_map, Orbits.starting(states.copy()), _LONGEST_RETURN)
+    apart = np.abs(difference(path, states, point_map.coordinates))
+    return np.asarray((apart <= 1e-7 * resolution(states, extent)).all(axis=-1).any(axis=0))
 
 
 def lyapunov_exponents(point_map: PointMap, initial_conditions: Floats, periods: int) -> tuple[Floats, Floats]:

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from .._lib.arrays import Bools, Floats, Ints
-from .._lib.stopping import check_stop
 from ..maps.coordinates import turns_of
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from .boxes import boxes_of, in_units
+from .settling import path_of
 
 _NEIGHBOURS = 8  # nearest points of all samples that are looked at
 _MIXED = 0.2  # of the neighbours that two samples of one set have in each other, from which on they are of one set
@@ -83,12 +83,8 @@ class Clouds:
 
 def pieces_of(point_map: PointMap, begins: Floats) -> Floats:
     """Return points (..., steps, dimension) of orbits after some places (..., dimension), NaN where they end."""
-    check_stop()
     orbits = Orbits.starting(begins.reshape(-1, point_map.dimension).copy())
-    points = np.empty((_PIECE, *orbits.points.shape))
-    for k in range(_PIECE):
-        point_map.advance(orbits, _EVERY)
-        points[k] = np.where(orbits.alive[:, None], orbits.points, np.nan)
+    points = path_of(point_map, orbits, _PIECE * _EVERY)[_EVERY - 1 :: _EVERY]
     return points.swapaxes(0, 1).reshape(*begins.shape[:-1], _PIECE, -1)
 
 

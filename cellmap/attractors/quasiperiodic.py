@@ -10,7 +10,6 @@ import numpy as np
 
 from .._lib.arrays import Floats
 from .._lib.stopping import check_stop
-from ..maps.compiled_advance import recorded
 from ..maps.coordinates import difference
 from ..maps.orbit_batch import Orbits
 from ..maps.poincare import check_unforced, flow_map
@@ -25,6 +24,7 @@ from ..orbits.newton import newton, stable_orbit
 from .boxes import inside_cover
 from .chaos import aperiodic, lyapunov_exponents
 from .creeping import creeping
+from .settling import path_of
 from .tube import DENSE, FIRST_FACTOR, MOST_STEPS, Curves, DenseTorus, cover_of_tube, verified_tube
 
 _ORBITS = 4  # tried in one look
@@ -103,7 +103,7 @@ def _may_attract(exact: PointMap, orbits: Orbits) -> bool:
     """
     if exact.dimension == 1:
         return True
-    points = np.concatenate([places[:, 0] for places, _, _ in recorded(exact.advance, orbits, _VOLUME_PERIODS)])
+    points = path_of(exact, orbits, _VOLUME_PERIODS)[:, 0]
     if not orbits.alive.all():
         return False
     with np.errstate(invalid="ignore"):  # orbits that have ended have no derivative

@@ -15,9 +15,9 @@ from .._compiled.kernels.labelling import POOL, Limits, Outcome, Rows, Scratch
 from .._lib.arrays import Floats, Ints
 from .._lib.stopping import Stop
 from .._lib.threads import results_of, run_over, slices
-from ..maps.compiled_advance import UNKNOWN_STEP, CompiledAdvance
+from ..maps.compiled_advance import UNKNOWN_STEP, CompiledAdvance, recorded
 from ..maps.coordinates import shortest, turns_of, wrap
-from ..maps.orbit_batch import CHUNK, NOTHING, PERIODS_AT_ONCE, Orbits, Tally, Work
+from ..maps.orbit_batch import CHUNK, NOTHING, PERIODS_AT_ONCE, Orbits, Status, Tally, Work
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Cover
 from .boxes import box_keys, boxes_around
@@ -105,18 +105,23 @@ def _boxes(covers: Sequence[tuple[int, Cover, Ints]], turn: Floats) -> Covers:
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class Classified:
     """Labels and settling times of a batch of initial conditions.
 
     ``labels`` (n,): number of the attractor, or a :class:`Label`; ``times`` (n,): period in which the orbit was first
-    inside a trapping region of its attractor, -1 without one; ``orbits``: last states of the undecided; ``tally``: the
-    work done.
+    inside a trapping region of its attractor, -1 without one; ``tally``: the work done.
     """
 
     labels: NDArray[Any]
     times: NDArray[np.int32]
-    orbits: Orbits
     tally: Tally
+
+
+@dataclass(frozen=True, eq=False)
+class Settled(Classified):
+    """The same with the last states of the undecided, ``orbits``."""
+
+    orbits: Orbits
 
     @property
     def undecided(self) -> Ints:
@@ -168,18 +173,9 @@ def settle_on_threads(
     return Settled(
         np.concatenate([s.labels for s in settled]),
         np.concatenate([s.times for s in settled]),
-        Orbits.joined([s.orbits for s in settled]),
         Tally(*np.sum([s.tally for s in settled], axis=0).tolist()),
+        Orbits.joined([s.orbits for s in settled]),
     )
-
-
-@dataclass(frozen=True, eq=False)
-class Classified:
-    """Labels and settling times of points, as in :class:`Settled`, and what they took."""
-
-    labels: NDArray[Any]
-    times: NDArray[np.int32]
-    tally: Tally
 
 
 def classify(
@@ -211,6 +207,12 @@ def classify(
 
     run_over(range(len(parts)), work, progress)
     return Classified(labels, times, Tally(*tallies.sum(axis=0).tolist()))
+
+
+def path_of(point_map: PointMap, orbits: Orbits, periods: int) -> Floats:
+    """Move orbits on; return where they have been (periods, n, dimension), NaN once they have ended."""
+    parts = recorded(point_map.advance, orbits, periods)
+    return np.concatenate([np.where((s < Status.ESCAPED)[..., None], points, np.nan) for points, _, s in parts])
 
 
 def _labelled(
@@ -272,7 +274,7 @@ def _labelled(
     tally = Tally(int(counts[labelling.PERIODS]), int(counts[labelling.MISSED]), *made)
     left = np.flatnonzero(outcome.labels == Label.UNDECIDED)
     labels: NDArray[Any] = outcome.labels if rule is not None else outcome.labels.astype(np.int16)
-    return Settled(labels, outcome.times, orbits[left], tally), outcome.since, outcome.before
+    return Settled(labels, outcome.times, tally, orbits[left]), outcome.since, outcome.before
 
 
 def _rows(size: int, dimension: int) -> Rows:

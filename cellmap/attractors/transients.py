@@ -16,7 +16,7 @@ from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind
 from .labels import Label
-from .settling import RESIDENCE, Catalogue, settle
+from .settling import RESIDENCE, Catalogue, path_of, settle
 
 HALF = RESIDENCE // 2
 """Periods after half of its way to an attractor in which an orbit is seen to be chaotic or not."""
@@ -146,11 +146,9 @@ def follow_on(point_map: PointMap, points: Floats, chaotic: Bools, known: Sequen
     resident = np.isin(owners, strange)
     reasons[resident] = np.where(times[resident] < RESIDENCE, Reason.KNOWN, Reason.TRANSIENT)
     late = resident & (times >= RESIDENCE)
-    before = np.empty((RESIDENCE, np.count_nonzero(late), point_map.dimension))
-    orbit = Orbits.starting(points[late].copy())
-    for k in range(RESIDENCE):
-        before[k] = orbit.points
-        point_map.advance(orbit, 1)
+    before = path_of(point_map, Orbits.starting(points[late].copy()), RESIDENCE - 1)
     kept = np.unique(np.linspace(_EARLY * len(path), len(path), _PLACES).round().astype(np.int64))[:-1]
     places = [*(path[k][lasting] for k in kept), orbits.points]
-    return FollowedOn(reasons, lasting, orbits, np.array(places), before.swapaxes(0, 1))
+    return FollowedOn(
+        reasons, lasting, orbits, np.array(places), np.concatenate([points[late][None], before]).swapaxes(0, 1)
+    )

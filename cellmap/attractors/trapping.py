@@ -7,15 +7,14 @@ import functools
 import numpy as np
 
 from .._lib.arrays import Bools, Complexes, Floats
-from .._lib.stopping import check_stop
 from .._lib.threads import slices
 from ..maps.coordinates import turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
-from ..maps.side_by_side import advance_on_threads
 from ..maps.tangent import jacobian
 from ..orbits.attractor import Attractor, Neighbourhood
 from ..orbits.ellipsoids import directions, displaced, eigenvector_metrics, summed_metric
+from .settling import path_of
 
 _DIRECTIONS = 96  # on a circle
 _FINE = {1: 1.01, 2: 1.0 + 2 * np.pi / _DIRECTIONS}  # from one shell to the next; else 1.1
@@ -34,8 +33,8 @@ _WIDE_MARGIN = 0.25  # contraction margin from which it may be rounding that hid
 _FLIPPING = -0.9  # multiplier below which two periods of the attractor are taken together
 _NARROWEST = 1e-6  # smallest region in which ellipsoids are sought, relative to abs(point)
 _FARTHEST = 1e4  # largest half-width of an ellipsoid, relative to 1 + abs(point)
-_FOLLOWED = 64  # orbits from which it is seen how far orbits go
-_LOOKS = (1,) * 8 + (8, 16)  # periods between looks at them
+_FOLLOWED = 64  # orbits from which it is seen how far orbits go,
+_FOR = 32  # periods
 _MOST = 0.9  # of them, in the order of how far they go
 
 
@@ -50,14 +49,10 @@ def extent_of_motion(point_map: PointMap, states: Floats, extent: Floats) -> Flo
         return extent  # orbits that leave its window are lost
     rows = np.unique(np.linspace(0, len(states) - 1, _FOLLOWED).round().astype(int))
     orbits = Orbits.starting(wrap(states[rows], point_map.coordinates))
-    places = [orbits.points.copy()]
-    for periods in _LOOKS:
-        check_stop()
-        advance_on_threads(point_map.advance, orbits, periods)
-        places.append(orbits.points.copy())
+    places = np.stack([orbits.points.copy(), *path_of(point_map, orbits, _FOR)])
     if not orbits.alive.any():
         return extent
-    ways = np.quantile(np.ptp(np.array(places)[:, orbits.alive], axis=0), _MOST, axis=0)
+    ways = np.quantile(np.ptp(places[:, orbits.alive], axis=0), _MOST, axis=0)
     still = (ways <= extent) | (turns_of(point_map.coordinates)[1] > 0)
     return np.where(still, extent, 4.0 * ways - 3.0 * extent)
 
