@@ -18,65 +18,74 @@ _OF_ANY_NUMBER = {"fmin", "fmax", "hypot"}
 
 def elementary_functions() -> dict[str, Callable[..., Any]]:
     """Return functions by their names in :mod:`math` that build expressions when an argument is one."""
+    return {**_KNOWN, **_COMPOSED, "float": _Float, "int": _Int}
 
-    def make(name: str) -> Callable[..., Any]:
-        def function(*arguments: Any) -> Any:
-            if name in _OF_ANY_NUMBER:
-                several = tuple(arguments[0]) if len(arguments) == 1 else arguments
-                if len(several) != 2:
-                    return functools.reduce(function, several)
-                arguments = several
-            for argument in arguments:
-                if isinstance(argument, Expression):
-                    return argument.graph.apply(name, *arguments)
-                if isinstance(argument, np.ndarray) and argument.ndim:
-                    return np.vectorize(function, otypes=[object])(*arguments)
-            return operation_on_numbers(name)(*arguments)
 
-        return function
+def _elementary(name: str) -> Callable[..., Any]:
+    def function(*arguments: Any) -> Any:
+        if name in _OF_ANY_NUMBER:
+            several = tuple(arguments[0]) if len(arguments) == 1 else arguments
+            if len(several) != 2:
+                return functools.reduce(function, several)
+            arguments = several
+        for argument in arguments:
+            if isinstance(argument, Expression):
+                return argument.graph.apply(name, *arguments)
+            if isinstance(argument, np.ndarray) and argument.ndim:
+                return np.vectorize(function, otypes=[object])(*arguments)
+        return operation_on_numbers(name)(*arguments)
 
-    table = {name: make(name) for name in TABLE}
-    table["pow"] = lambda base, exponent: base**exponent
+    return function
 
-    def where(condition: Any, a: Any, b: Any) -> Any:
-        return condition.choose(a, b) if isinstance(condition, Comparison) else a if condition else b
 
-    table["clip"] = lambda value, low, high: table["fmin"](table["fmax"](value, low), high)
-    table["heaviside"] = lambda value, at_zero: where(value > 0.0, 1.0, where(value < 0.0, 0.0, at_zero))
+_KNOWN = {name: _elementary(name) for name in TABLE}
 
-    def norm(vector: Any) -> Any:
-        return table["sqrt"](sum(v * v for v in vector))
 
-    def select(conditions: Any, choices: Any, default: Any = 0.0) -> Any:
-        chosen = default
-        for condition, choice in reversed(list(zip(conditions, choices, strict=True))):
-            chosen = where(condition, choice, chosen)
-        return chosen
+def _where(condition: Any, a: Any, b: Any) -> Any:
+    return condition.choose(a, b) if isinstance(condition, Comparison) else a if condition else b
 
-    def nearest(value: Any, digits: int = 0) -> Any:
-        if not isinstance(value, Expression):
-            return round(value, digits) if digits else round(value)
-        scale = 10.0**digits
-        scaled = value * scale
-        if value.graph.modes:  # a flow only passes through places where two numbers are as near
-            return table["floor"](scaled + 0.5) / scale
-        whole = table["floor"](scaled)
-        part = scaled - whole
-        return (whole + where(part > 0.5, 1.0, where(part < 0.5, 0.0, whole % 2.0))) / scale
 
-    def polynomial(coefficients: Any, value: Any) -> Any:
-        return functools.reduce(lambda total, c: total * value + c, coefficients, 0.0)
+def _norm(vector: Any) -> Any:
+    return _KNOWN["sqrt"](sum(v * v for v in vector))
 
-    def log_of_sum(a: Any, b: Any) -> Any:
-        return table["fmax"](a, b) + table["log1p"](table["exp"](-table["fabs"](a - b)))
 
-    table["norm"], table["select"], table["round"] = norm, select, nearest
-    table["interp"], table["polyval"], table["logaddexp"], table["fsum"] = interpolated, polynomial, log_of_sum, sum
-    table["degrees"] = lambda angle: angle * (180.0 / math.pi)
-    table["radians"] = lambda angle: angle * (math.pi / 180.0)
-    table["signbit"] = lambda value: where(value < 0.0, 1.0, 0.0)
-    table["dist"] = lambda a, b: norm([u - v for u, v in zip(a, b, strict=True)])
-    return {**table, "where": where, "float": _Float, "int": _Int}
+def _select(conditions: Any, choices: Any, default: Any = 0.0) -> Any:
+    chosen = default
+    for condition, choice in reversed(list(zip(conditions, choices, strict=True))):
+        chosen = _where(condition, choice, chosen)
+    return chosen
+
+
+def _nearest(value: Any, digits: int = 0) -> Any:
+    if not isinstance(value, Expression):
+        return round(value, digits) if digits else round(value)
+    scale = 10.0**digits
+    scaled = value * scale
+    if value.graph.modes:  # a flow only passes through places where two numbers are as near
+        return _KNOWN["floor"](scaled + 0.5) / scale
+    whole = _KNOWN["floor"](scaled)
+    part = scaled - whole
+    return (whole + _where(part > 0.5, 1.0, _where(part < 0.5, 0.0, whole % 2.0))) / scale
+
+
+_COMPOSED: dict[str, Callable[..., Any]] = {
+    "where": _where,
+    "norm": _norm,
+    "select": _select,
+    "round": _nearest,
+    "interp": interpolated,
+    "fsum": sum,
+    "pow": lambda base, exponent: base**exponent,
+    "clip": lambda value, low, high: _KNOWN["fmin"](_KNOWN["fmax"](value, low), high),
+    "heaviside": lambda value, at_zero: _where(value > 0.0, 1.0, _where(value < 0.0, 0.0, at_zero)),
+    "polyval": lambda coefficients, value: functools.reduce(lambda s, c: s * value + c, coefficients, 0.0),
+    "logaddexp": lambda a, b: _KNOWN["fmax"](a, b) + _KNOWN["log1p"](_KNOWN["exp"](-_KNOWN["fabs"](a - b))),
+    "degrees": lambda angle: angle * (180.0 / math.pi),
+    "radians": lambda angle: angle * (math.pi / 180.0),
+    "signbit": lambda value: _where(value < 0.0, 1.0, 0.0),
+    "dist": lambda a, b: _norm([u - v for u, v in zip(a, b, strict=True)]),
+}
+"""Functions that are written with elementary ones."""
 
 
 class _Float(float):

@@ -11,7 +11,8 @@ do not damp it; the sum of that is what ``error`` receives.  It is infinite for 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 from ..kernels.blocks import LANES
 from ..machine_code import vector_width
@@ -26,7 +27,7 @@ from .period import (
     lanes_in_use,
     loaded_parameters,
 )
-from .rosenbrock import OwnStep
+from .rosenbrock import OwnStep, OwnStepOfLane
 
 NUMBERS = 3
 """Numbers of the context before those of the components."""
@@ -41,67 +42,49 @@ def compiled_own_steps(step: OwnStep, dimension: int, parameters: int) -> Compil
     return compiled_advance(own_steps_text(step, dimension, parameters, vector_width()))
 
 
+@dataclass(frozen=True)
+class _Numbers:
+    """What all lanes of a block share: times, lengths of steps, tolerances, and the part of these for one step."""
+
+    end: Value
+    first: Value
+    least: Value
+    longest: Value
+    rtol: Value
+    atol: Values
+    largest: Values
+    fraction: Value
+
+
 def own_steps_text(step: OwnStep, dimension: int, parameters: int, width: int) -> str:
     """Return the text of a module with the function, for vectors of some width."""
     out, components = Instructions(width), range(dimension)
     times, lengths = out.array(LANES), out.array(LANES)
     p = loaded_parameters(out, parameters)
     numbers = [out.load(out.address("%context", i)) for i in range(NUMBERS + 2 * dimension)]
-    (rtol, limit, longest), period = numbers[:NUMBERS], out.argument("%period")
-    end = out.argument("%start") + period
+    (rtol, limit, longest), start, period = numbers[:NUMBERS], out.argument("%start"), out.argument("%period")
     largest, atol = numbers[NUMBERS : NUMBERS + dimension], numbers[NUMBERS + dimension :]
-    first, least = period * _FIRST, period * _SHORTEST
+    end, first, least = start + period, period * _FIRST, period * _SHORTEST
     per_lane = step(out, p)
     most = out.result(f"fptosi double {limit.text} to i64").text
     with out.loop("block", blocks_of_orbits(out)) as block:
-        used = lanes_in_use(out, block)
-        fraction = out.result(f"sitofp i64 {out.load_whole(out.address('%steps', block))} to double")
+        used, taken = lanes_in_use(out, block), out.address("%steps", block)
+        fraction = out.result(f"sitofp i64 {out.load_whole(taken)} to double")
+        shared = _Numbers(end, first, least, longest, rtol, atol, largest, fraction)
         place_of_block = out.whole("mul", block, dimension * LANES)
         x, error = out.address("%x", place_of_block), out.address("%error", place_of_block)
-        with out.loop("cleared", dimension * LANES, out.width) as place:
-            out.store(out.as_vector(number(0.0)), out.address(error, place))
-        with out.loop("ended", LANES, out.width) as place:
-            out.store(out.as_vector(end), out.address(times, place))
-        with out.loop("begun", used, out.width) as place:
-            out.store(out.as_vector(out.argument("%start")), out.address(times, place))
-            out.store(out.as_vector(first), out.address(lengths, place))
-        taken = out.address("%steps", block)
+        _fill(out, "cleared", dimension * LANES, {error: number(0.0)})
+        _fill(out, "ended", LANES, {times: end})
+        _fill(out, "begun", used, {times: start, lengths: first})
         with out.loop("step", most) as number_of_step:
             out.store_whole(out.whole("add", number_of_step, 1), taken)
             with out.loop_over_lanes(used) as lane:
                 rows = [out.whole("add", lane, j * LANES) for j in components]
-                states, errors = ([out.address(base, row) for row in rows] for base in (x, error))
-                here, length = out.address(times, lane), out.address(lengths, lane)
-                t, wanted = (out.load(place, vector=True) for place in (here, length))
-                before = [out.load(state, vector=True) for state in states]
-                brought = [out.load(place, vector=True) for place in errors]
-                # A lane at the end goes on in vain: nothing of it is kept.
-                left = end - t
-                h = where(left > 0.0, simd_math.fmin(simd_math.fmin(wanted, longest), left), first)
-                after, local, passed = per_lane(t, h, before, brought)
-                scales = [
-                    floor + rtol * simd_math.fmin(simd_math.fmax(abs(u), abs(v)), most_of_it)
-                    for floor, u, v, most_of_it in zip(atol, before, after, largest, strict=True)
-                ]
-                size = fraction * total(_sizes(local, scales, after))
-                takes = where((size <= 1.0) & (left > 0.0), 1.0, 0.0)
-                lost = where((left > 0.0) & takes.equals(0.0) & (h < least), 1.0, 0.0)
-                wanted = _next_length(h, size, takes, wanted)
-                reached = where(h >= left, end, t + h)
-                arrived = _chosen(lost, end, takes, reached, t)
-                states_after = [
-                    _chosen(lost, number(float("inf")), takes, y, x) for y, x in zip(after, before, strict=True)
-                ]
-                # The error of the step is smaller than that of the order below by about its own relative size to the
-                # power 1/5.
-                power = _eighth_root(total(map(abs, local)) / total(map(abs, after)))
-                power = simd_math.fmin(_HIGHER * power * simd_math.sqrt(power), number(1.0))
-                kept = [where(takes > 0.0, b + power * e, a) for a, b, e in zip(brought, passed, local, strict=True)]
-                for j in components:
-                    out.store(out.as_vector(states_after[j]), states[j])
-                    out.store(out.as_vector(kept[j]), errors[j])
-                out.store(out.as_vector(arrived), here)
-                out.store(out.as_vector(wanted), length)
+                places = [out.address(base, row) for base in (x, error) for row in rows]
+                places += [out.address(times, lane), out.address(lengths, lane)]
+                known = [out.load(place, vector=True) for place in places]
+                for place, value in zip(places, _moved(shared, per_lane, dimension, known), strict=True):
+                    out.store(out.as_vector(value), place)
             _leave_at_the_end(out, times, end)
         with out.loop("closed", LANES, out.width) as lane:
             at_end = out.load(out.address(times, lane), vector=True) >= end
@@ -109,6 +92,38 @@ def own_steps_text(step: OwnStep, dimension: int, parameters: int, width: int) -
                 place = out.address(error, out.whole("add", lane, j * LANES))
                 out.store(where(at_end, abs(out.load(place, vector=True)), float("inf")), place)
     return module_text(out.function("advance", ARGUMENTS), out)
+
+
+def _fill(out: Instructions, name: str, count: str | int, values: Mapping[str, Value]) -> None:
+    """Write a loop that fills arrays, each with a number."""
+    with out.loop(name, count, out.width) as place:
+        for array, value in values.items():
+            out.store(out.as_vector(value), out.address(array, place))
+
+
+def _moved(shared: _Numbers, per_lane: OwnStepOfLane, dimension: int, known: Values) -> list[Value]:
+    """Write a step of a lane: states, errors brought along, time, and the length that was wanted, before and after.
+
+    A lane at the end goes on in vain: nothing of it is kept.
+    """
+    before, brought, (t, wanted) = known[:dimension], known[dimension : 2 * dimension], known[2 * dimension :]
+    left = shared.end - t
+    h = where(left > 0.0, simd_math.fmin(simd_math.fmin(wanted, shared.longest), left), shared.first)
+    after, local, passed = per_lane(t, h, before, brought)
+    scales = [
+        floor + shared.rtol * simd_math.fmin(simd_math.fmax(abs(u), abs(v)), largest)
+        for floor, u, v, largest in zip(shared.atol, before, after, shared.largest, strict=True)
+    ]
+    size = shared.fraction * total(_sizes(local, scales, after))
+    takes = where((size <= 1.0) & (left > 0.0), 1.0, 0.0)
+    lost = where((left > 0.0) & takes.equals(0.0) & (h < shared.least), 1.0, 0.0)
+    arrived = _chosen(lost, shared.end, takes, where(h >= left, shared.end, t + h), t)
+    states = [_chosen(lost, number(float("inf")), takes, y, x) for y, x in zip(after, before, strict=True)]
+    # The error of the step is smaller than that of the order below by about its own relative size to the power 1/5.
+    power = _eighth_root(total(map(abs, local)) / total(map(abs, after)))
+    power = simd_math.fmin(_HIGHER * power * simd_math.sqrt(power), number(1.0))
+    errors = [where(takes > 0.0, b + power * e, a) for a, b, e in zip(brought, passed, local, strict=True)]
+    return [*states, *errors, arrived, _next_length(h, size, takes, wanted)]
 
 
 def _next_length(h: Value, size: Value, takes: Value, wanted: Value) -> Value:
