@@ -205,9 +205,10 @@ def _neighbours(basins: Basins, label: Labeller, side: int, other: int, unit: Fl
             f"inside={side}, outside={other}: no initial condition has the label {side if not len(mine) else other}"
         )
     distance, nearest = nearest_foreign(theirs, mine, unit, basins.coordinates)
+    golden = np.mod(np.arange(1, len(unit) + 1) * 0.6180339887498949, 1.0) - 0.5  # none of the axes, and no diagonal
     for row in np.argsort(distance, kind="stable")[:64]:
         shift = difference(theirs[nearest[row]], mine[row], basins.coordinates)
-        moved = theirs[nearest[row]] + _TILT * np.linalg.norm(shift / unit) * unit * _golden_direction(len(unit))
+        moved = theirs[nearest[row]] + _TILT * np.linalg.norm(shift / unit) * unit * golden
         for beyond in (moved, theirs[nearest[row]]):
             pair = np.stack([mine[row], beyond])
             ends = label(pair)
@@ -217,11 +218,6 @@ def _neighbours(basins: Basins, label: Labeller, side: int, other: int, unit: Fl
         f"inside={side}, outside={other}: the map does not confirm the labels; give a larger "
         "max_periods, or recompute the basins"
     )
-
-
-def _golden_direction(dimension: int) -> Floats:
-    """Return a direction that is none of the axes and no diagonal."""
-    return np.mod(np.arange(1, dimension + 1) * 0.6180339887498949, 1.0) - 0.5
 
 
 def _bisected(label: Labeller, pair: Floats, side: int, narrow: float, unit: Floats) -> tuple[Floats, tuple[int, int]]:

@@ -134,7 +134,10 @@ def correlation_dimension(
         raise ValueError(f"points: {n} are too few for pairs at all distances; give at least 1000")
     theiler = whole_number("theiler", theiler, at_most=n // 4)
     one_of("norm", norm, (1.0, 2.0, np.inf))
-    distances = _radii(space, n) if radii is None else checked_sizes(radii, "radii")
+    if radii is None:
+        distances = _LARGEST * space.extent * np.geomspace(1.0, 10.0**-_DECADES, _RADII)
+    else:
+        distances = checked_sizes(radii, "radii")
     counts = _pairs(space, distances[::-1], theiler, norm)[:, ::-1]  # stretch of the orbit, distance
     edges = np.linspace(0, n, _BLOCKS + 1).astype(int)
     time = np.arange(n)
@@ -156,11 +159,6 @@ def correlation_dimension(
     return CorrelationSum(
         distances, ratios, errors * ratios, int(each.sum()) // 2, theiler, usable, replace(fit, errors=errors)
     )
-
-
-def _radii(space: Space, n: int) -> Floats:
-    """Distances from a quarter of the extent down, in equal ratios."""
-    return np.asarray(_LARGEST * space.extent * np.geomspace(1.0, 10.0**-_DECADES, _RADII))
 
 
 def _pairs(space: Space, rising: Floats, theiler: int, norm: float) -> Ints:

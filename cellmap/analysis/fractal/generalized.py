@@ -147,7 +147,10 @@ def generalized_dimensions(
     usable = (mean >= _FEWEST_BOXES) & (unseen(counts) <= _MISSED)
     if weights is None:
         usable &= mean * _FEWEST_POINTS <= len(fractions)
-    informations = _informations(q, found[..., 3:].mean(axis=0).T)
+    sums = found[..., 3:].mean(axis=0).T
+    informations = np.array(
+        [-s if order == 1.0 else np.log(s) / (1.0 - order) for order, s in zip(q, sums, strict=True)]
+    )
     x = -np.log(tried)
     fits = tuple(
         fit_sizes("points", x, y, tried, usable, fit_range, ("ln 1/size", f"information of order {order:g}"))
@@ -164,14 +167,6 @@ def _fractions(weights: ArrayLike | None, n: int) -> Floats:
     if given.shape != (n,) or not np.isfinite(given).all() or given.min() < 0.0 or not given.sum() > 0.0:
         raise ValueError(f"weights: give {n} finite numbers of at least 0, one for each point, and not all 0")
     return np.asarray(given / given.sum())
-
-
-def _informations(orders: Floats, sums: Floats) -> Floats:
-    """Rényi informations from the sums over boxes, shape (orders, sizes)."""
-    rows = []
-    for q, total in zip(orders, sums, strict=True):
-        rows.append(-total if q == 1.0 else np.log(total) / (1.0 - q))
-    return np.array(rows)
 
 
 @dataclass(frozen=True, eq=False)

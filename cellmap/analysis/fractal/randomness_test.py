@@ -299,18 +299,11 @@ def straight_cuts(offsets: Ints) -> tuple[float, float, float]:
     else:
         directions = np.random.default_rng(0).standard_normal((_DIRECTIONS, d))
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    entropy = _two(np.arange(1, n) / n)
-    gaps = np.diff(np.sort(directions @ offsets.T.astype(float), axis=1), axis=1)
-    sums, weights = gaps @ entropy, gaps.sum(axis=1)
-    each = sums / weights
+    count = len(directions)
     if d == 2:
         # Directions along the axes, where many cells are at one distance, are the extremes.
-        aligned = _along(offsets, np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]]))
-        each = np.append(each, aligned)
-    return float(sums.sum() / weights.sum()), float(each.min()), float(each.max())
-
-
-def _along(offsets: Ints, directions: Floats) -> Floats:
-    gaps = np.diff(np.sort(directions @ offsets.T, axis=1), axis=1)
-    n = len(offsets)
-    return np.asarray(gaps @ _two(np.arange(1, n) / n) / gaps.sum(axis=1))
+        directions = np.append(directions, [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]], axis=0)
+    gaps = np.diff(np.sort(directions @ offsets.T.astype(float), axis=1), axis=1)
+    sums, weights = gaps @ _two(np.arange(1, n) / n), gaps.sum(axis=1)
+    each = sums / weights
+    return float(sums[:count].sum() / weights[:count].sum()), float(each.min()), float(each.max())
