@@ -94,16 +94,11 @@ def exchanging_sets(grid: CellGrid, cells: Ints, owners: Ints, ends: Ints) -> In
     ``cells`` (n,) belong to the sets in ``owners`` (n,); each cell of the grid ends in the set ``ends``, negative for
     none.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     if not len(cells):
         return np.empty((2, 0), np.int64)
     moves = np.concatenate([(owners[rows], ends[there]) for rows, there in neighbours_of(grid, cells)], axis=1)
-    origin, end = moves[:, moves[1] >= 0]
     count = int(owners.max()) + 1
-    graph = coo_array((np.ones(len(origin), np.int8), (origin, end)), shape=(count, count))
-    strong = connected_components(graph, connection="strong")[1]
+    strong = _joined(count, moves[:, moves[1] >= 0], both_ways=True)
     return np.stack([np.arange(count), np.unique(strong, return_index=True)[1][strong]])
 
 
@@ -145,13 +140,13 @@ def _representatives(cells: Ints, owners: Ints) -> Ints:
     return np.asarray(cells[order[(np.cumsum(sizes) - sizes)[:, None] + ranks]])
 
 
-def _joined(count: int, pairs: Ints) -> Ints:
-    """Number things so that those of a pair, and of chains of pairs, have one number."""
+def _joined(count: int, pairs: Ints, both_ways: bool = False) -> Ints:
+    """Number things so that those of a pair, and of chains of pairs, have one number; or of chains that lead back."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     graph = coo_array((np.ones(pairs.shape[1], np.int8), tuple(pairs)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    return np.asarray(connected_components(graph, directed=both_ways, connection="strong")[1], dtype=np.int64)
 
 
 def _path(cells: Ints, images: Ints, row: int, length: int, closed: bool) -> Ints:
