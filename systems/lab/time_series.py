@@ -48,7 +48,7 @@ def measured_series(
     >>> values
     array([ 1., nan,  2.])
     """
-    t, v = _numbers("times", times), _numbers(name, values)
+    t, v = (real_numbers(n, a, " in an array of shape (n,)") for n, a in (("times", times), (name, values)))
     if t.ndim != 1 or t.shape != v.shape:
         raise ValueError(f"times have the shape {t.shape} and {name} {v.shape}: give (n,) twice")
     if not np.isfinite(t).all():
@@ -66,11 +66,12 @@ def measured_series(
     return t, v
 
 
-def _numbers(name: str, given: ArrayLike) -> Floats:
+def real_numbers(name: str, given: ArrayLike, form: str = "") -> Floats:
+    """Return a new array of real numbers; an error names the argument and the form that it should have."""
     try:
         return np.array(given, dtype=np.float64)
     except (TypeError, ValueError):
-        raise TypeError(f"{name}: give real numbers in an array of shape (n,)") from None
+        raise TypeError(f"{name}: give real numbers{form}") from None
 
 
 def noise_level(times: Floats, values: Floats, neighbours: int = _NEIGHBOURS) -> float:

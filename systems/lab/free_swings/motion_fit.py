@@ -17,7 +17,7 @@ from cellmap import ForcedSystem
 from cellmap.utils import finite_number, finite_points
 
 from ..arrays import Floats
-from ..time_series import akaike_criterion, measured_series, neighbour_correlation, widening
+from ..time_series import akaike_criterion, measured_series, neighbour_correlation, real_numbers, widening
 from .simulation import Simulation, clear_of_noise
 
 Bounds = Mapping[str, tuple[float, float]]
@@ -251,10 +251,7 @@ def _bounds(names: tuple[str, ...], begin: Floats, given: Bounds) -> tuple[Float
 
 def _measured(times: ArrayLike, measured: ArrayLike) -> tuple[Floats, Floats]:
     """Times (n,) and columns (n, m), checked."""
-    try:
-        columns = np.array(measured, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise TypeError("measured: give real numbers in an array of shape (n,) or (n, m)") from None
+    columns = real_numbers("measured", measured, " in an array of shape (n,) or (n, m)")
     if columns.ndim not in (1, 2) or not columns.size:
         raise ValueError(f"measured has the shape {columns.shape}: give (n,) or (n, m)")
     columns = columns.reshape(len(columns), -1)

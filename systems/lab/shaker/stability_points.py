@@ -14,6 +14,7 @@ from scipy import stats
 from cellmap.utils import as_target, monotone_values, written_whole
 
 from ..arrays import Floats
+from ..time_series import real_numbers
 from .voltage_conversion import STANDARD_GRAVITY, VOLTS_PER_G, displacement_amplitude, displacement_error
 
 HEADING = ("frequency_hz", "amplitude_mm", "amplitude_error_mm")
@@ -56,10 +57,7 @@ class StabilityPoints:
             given = getattr(self, name)
             if given is None and name == "amplitude_errors":
                 continue
-            try:
-                values = np.array(given, dtype=np.float64)
-            except (TypeError, ValueError):
-                raise TypeError(f"{name}={given!r}: give real numbers") from None
+            values = real_numbers(f"{name}={given!r}", given)
             if values.shape != (count,) or not count:
                 raise ValueError(f"{name} have the shape {values.shape}: give one number for each point, at least one")
             if not (np.isfinite(values) & (values > 0.0)).all():
@@ -272,10 +270,7 @@ def compare_with_boundary(
     if not isinstance(points, StabilityPoints):
         raise TypeError(f"points={points!r}: give StabilityPoints")
     nodes = monotone_values("frequencies", frequencies)
-    try:
-        curve = np.array(boundary_amplitudes, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise TypeError("boundary_amplitudes: give real numbers") from None
+    curve = real_numbers("boundary_amplitudes", boundary_amplitudes)
     if curve.shape != nodes.shape:
         raise ValueError(
             f"boundary_amplitudes have the shape {curve.shape}: give one for each of {len(nodes)} frequencies"

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from cellmap.utils import finite_number
 
 from ..arrays import Floats
+from ..time_series import real_numbers
 
 VOLTS_PER_G = 0.1
 """Calibration of the report's accelerometer (V per g)."""
@@ -188,7 +189,7 @@ def acceleration_from_volts(
     >>> acceleration_from_volts([0.1, -0.2]).tolist()
     [9.8, -19.6]
     """
-    return _plain(_numbers("volts", volts) * _acceleration_per_volt(volts_per_g, standard_gravity))
+    return _plain(real_numbers(f"volts={volts!r}", volts) * _acceleration_per_volt(volts_per_g, standard_gravity))
 
 
 def volts_from_acceleration(
@@ -218,7 +219,10 @@ def volts_from_acceleration(
     >>> volts_from_acceleration(19.6)
     0.2
     """
-    return _plain(_numbers("acceleration", acceleration) / _acceleration_per_volt(volts_per_g, standard_gravity))
+    return _plain(
+        real_numbers(f"acceleration={acceleration!r}", acceleration)
+        / _acceleration_per_volt(volts_per_g, standard_gravity)
+    )
 
 
 def _acceleration_per_volt(volts_per_g: float, standard_gravity: float) -> float:
@@ -226,16 +230,9 @@ def _acceleration_per_volt(volts_per_g: float, standard_gravity: float) -> float
     return finite_number("standard_gravity", standard_gravity, above=0.0) / scale
 
 
-def _numbers(name: str, given: ArrayLike) -> Floats:
-    try:
-        return np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise TypeError(f"{name}={given!r}: give real numbers") from None
-
-
 def _checked(**given: ArrayLike) -> list[Floats]:
     """Return finite numbers of at least 0, frequencies above 0, in arrays that broadcast."""
-    arrays = {name: _numbers(name, values) for name, values in given.items()}
+    arrays = {name: real_numbers(f"{name}={values!r}", values) for name, values in given.items()}
     for name, values in arrays.items():
         fine = np.isfinite(values) & ((values > 0.0) if name == "frequency" else (values >= 0.0))
         if not fine.all():
