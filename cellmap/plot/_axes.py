@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from math import gcd, isclose, pi
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -21,11 +21,13 @@ from .._lib.arrays import Floats
 from .._lib.checks import is_sequence, shown, whole_number
 from ..basins.by_features import FeatureBasins
 from ..basins.record import Basins
-from ..bifurcations.atlas_record import AttractorAtlas
-from ..bifurcations.equilibrium_stability import StabilityMap
 from ..bifurcations.period_measures import PeriodMeasure, Quantity
 from ..maps.coordinates import Coordinate, turns_of
 from ..maps.grid import CellGrid
+
+if TYPE_CHECKING:
+    from ..bifurcations.atlas_record import AttractorAtlas
+    from ..bifurcations.equilibrium_stability import StabilityMap
 
 One = TypeVar("One")
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
 from collections.abc import Callable
+from difflib import SequenceMatcher
 from typing import Any, TypeVar, get_args, get_type_hints
 
 from matplotlib.axes import Axes
@@ -62,8 +64,11 @@ def draw(result: Any, *, ax: Axes | None = None, **options: Any) -> Axes | tuple
     'x'
     """
     room = importlib.import_module(_ROOM)
-    for name in room.__all__:  # a figure is known once its module is imported
-        getattr(room, name)
+    like = re.sub(r"(?<!^)(?=[A-Z])", "_", type(result).__name__).lower()
+    for name in sorted(room.__all__, key=lambda name: SequenceMatcher(None, like, name).ratio(), reverse=True):
+        if type(result) in FIGURES:
+            break
+        getattr(room, name)  # a figure is known once its module is imported, that of a like name most probably first
     carried = [] if isinstance(result, type) or not isinstance(getattr(result, "fit", None), Fit) else [Fit]
     for kind in (*type(result).__mro__, *carried):
         if kind in FIGURES:
