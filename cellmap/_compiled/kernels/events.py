@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..loops import inlined
+from ..loops import inlined, loop
 from .blocks import LANES
 from .lane import COUNTS
 
@@ -19,7 +19,7 @@ _NARROWEST = 1e-9  # interval in which a minimum that all but touches zero is ta
 _STALLS = 50  # events without progress after which a lane is given up
 
 
-@inlined
+@loop
 def first_root(a, degree):
     """Return the first time in (0, 1] at which the polynomial of coefficients a becomes negative, else NEVER.
 

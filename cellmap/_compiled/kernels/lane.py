@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..loops import inlined
+from ..loops import inlined, loop
 from .blocks import LANES
 from .calls import array_at, call_surfaces
 
@@ -148,7 +148,7 @@ def look(system, t, lane, surfaces):
     call_surfaces(system.surfaces, t, lane.state, system.p, lane.signs, surfaces)
 
 
-@inlined
+@loop
 def load(lanes, i, lane):
     """Copy a lane to arrays of its own; return its time."""
     size, count = lane.state.size, lane.signs.size
@@ -163,7 +163,7 @@ def load(lanes, i, lane):
     return lanes[size * LANES + i]
 
 
-@inlined
+@loop
 def store(lanes, i, t, lane):
     """Copy the arrays of a lane back."""
     size, count = lane.state.size, lane.signs.size

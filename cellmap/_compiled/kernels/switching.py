@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..loops import inlined
+from ..loops import inlined, loop
 from .events import TIE
 from .lane import COUNTS, SIGN
 
@@ -14,7 +14,7 @@ _JUMP = 1e-6  # of the equivalent control beyond one, from which on the state le
 _ROUNDS = 200  # of the relaxation for several switches on their surfaces at once
 
 
-@inlined
+@loop
 def equivalent_control(rates, gains, slides, signs, held):
     """Fill in the sign of each switch: as it is where free, else the value that holds it on its surface."""
     count = rates.size
@@ -48,7 +48,7 @@ def _interval(kind, sign):
     return middle, reach
 
 
-@inlined
+@loop
 def choose_mode(system, lane, surfaces, on_surface, held):
     """Decide for the switches on their surfaces which of them slide, and on which side the others go on.
 
@@ -114,7 +114,7 @@ def begin_on_surface(system, lane, surfaces, event):
                 state[first + j] += held[e] * surfaces.jumps[e, j]
 
 
-@inlined
+@loop
 def project(system, lane, surfaces, event):
     """Move a state onto the surfaces where it has arrived or slides, by the last digits that it is away from them.
 

@@ -115,10 +115,15 @@ class Expressions:
             if node.id in self._around and node.id not in self._own:
                 return Known(self._around[node.id])
             return None
-        parts = [self.known(child) for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
-        values = [part.value for part in parts if part is not None]
-        if len(values) < len(parts):
+        if not isinstance(node, ast.Attribute | ast.BinOp | ast.UnaryOp | ast.Compare | ast.Tuple):
             return None
+        values = []
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.expr):
+                part = self.known(child)
+                if part is None:
+                    return None
+                values.append(part.value)
         if isinstance(node, ast.Attribute):
             is_known = isinstance(values[0], ModuleType) or node.attr in getattr(values[0], "_fields", ())
             return Known(getattr(values[0], node.attr)) if is_known else None

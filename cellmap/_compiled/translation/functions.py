@@ -136,12 +136,13 @@ def _tree(function: Callable[..., Any]) -> ast.FunctionDef:
 @functools.lru_cache(maxsize=32)
 def _functions_in(text: str, file: str) -> tuple[set[CodeType], dict[tuple[int, str], ast.FunctionDef]]:
     """Return the functions of a text as Python compiles them, and their grammar by their lines and names."""
-    codes, left = set(), [compile(text, file, "exec", dont_inherit=True)]
+    tree = ast.parse(text)
+    codes, left = set(), [compile(tree, file, "exec", dont_inherit=True)]
     while left:
         inner = {one for one in left.pop().co_consts if isinstance(one, CodeType)}
         codes |= inner
         left += inner
-    found = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)]
+    found = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
     begins = (min([node.lineno, *(one.lineno for one in node.decorator_list)]) for node in found)
     return codes, {(line, node.name): node for line, node in zip(begins, found, strict=True)}
 
