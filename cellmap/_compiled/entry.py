@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .translation.failures import Failure
+from .translation.marks import Failure
 
 if TYPE_CHECKING:
     from .translation.functions import Callee

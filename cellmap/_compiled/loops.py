@@ -49,7 +49,7 @@ class Loop(Deferred):
             entry = EntryText(arguments)
 
             def compiled() -> bytes:
-                from .translation.modules import entered
+                from .translation.functions import entered
 
                 return loop_code(entered(self, arguments, entry.text, CHECKED))
 
@@ -80,7 +80,7 @@ class AddressedLoop(Deferred):
     @computed_once
     def _code(self) -> MachineCode:
         def compiled() -> bytes:
-            from .translation.modules import exported
+            from .translation.functions import exported
 
             return loop_code(exported(NAME, self, self._signature, CHECKED))
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .._compiled.kernels.counting import count_labels
+from .._compiled.kernels.labelling import count_labels
 from .._lib.arrays import Floats, Ints
 from .._lib.checks import affordable_number, one_of
 from .._lib.randomness import Rng

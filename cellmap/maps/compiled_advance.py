@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._compiled.codegen.period import CompiledPeriod
-from .._compiled.kernels.labelling import DISCRETE, FLOW, NOT_COMPILED, Step
+from .._compiled.kernels.labelling import DISCRETE, FLOW, NOT_COMPILED, Step, record
 from .._compiled.kernels.periods import Discrete, iterate
-from .._compiled.kernels.recording import record
 from .._lib.arrays import Floats, Ints
 from .._lib.stopping import check_stop
 from .integration import Flow

@@ -139,7 +139,7 @@ def state_points(name: str, points: ArrayLike, coordinates: Sequence[Coordinate]
 
 
 def in_turn(values: Floats, lower: Floats | float, turn: Floats | float) -> Floats:
-    """Return numbers in the turn that begins at an edge, NaN where they have no phase; a turn of 0 stands for the line.
+    """Return numbers in the period that begins at an edge, NaN where they have no phase; 0 stands for the line.
 
     A number that is there stays as it is.
     """
@@ -152,7 +152,7 @@ def in_turn(values: Floats, lower: Floats | float, turn: Floats | float) -> Floa
 
 
 def shortest(differences: Floats, turn: Floats | float) -> Floats:
-    """Return differences, on circles the shorter way round; a turn of 0 stands for the line."""
+    """Return differences, on circles the shorter way round; a period of 0 stands for the line."""
     wraps = np.greater(turn, 0.0)
     with np.errstate(invalid="ignore"):
         whole = np.where(wraps, turn * np.round(differences / np.where(wraps, turn, 1.0)), 0.0)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._compiled.kernels.cells import unravel
+from .._compiled.kernels.chains import unravel
 from .._lib.arrays import Floats, Ints
 from .._lib.checks import claim_memory, whole_number
 from .._lib.signatures import checked

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cellmap import CellGrid, PointMap, interpolated_map, stroboscopic_map, thread_count
-from cellmap._compiled.kernels.cells import unravel
+from cellmap._compiled.kernels.chains import unravel
 from cellmap.sets import generalized_cell_mapping, simple_cell_mapping
 from cellmap.sets.markov import components_of
 from systems import dimensionless_pendulum, two_well_duffing

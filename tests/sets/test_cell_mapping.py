@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import systems
 from cellmap import CellGrid, angle, discrete_map, find_basins, interpolated_map, set_threads, stroboscopic_map
-from cellmap._compiled.kernels.cells import unravel
+from cellmap._compiled.kernels.chains import unravel
 from cellmap.orbits import Kind
 from cellmap.sets import simple_cell_mapping
 

@@ -83,9 +83,9 @@ def wrap_angle(points, rotations, i, j, lower, turn):
 
 @inlined
 def in_turn(x, lower, turn):
-    """Return where a number is in the turn that begins at an edge, NaN without phase, and the turns taken out.
+    """Return where a number is in the period that begins at an edge, NaN without phase, and the rotations taken out.
 
-    A number that is there stays as it is, so that wrapping again changes nothing; a turn of 0 stands for the line.
+    A number that is there stays as it is, so that wrapping again changes nothing; a period of 0 stands for the line.
     """
     whole = 0.0
     if turn > 0.0 and not lower <= x < lower + turn:

@@ -18,7 +18,7 @@ from ..loops import inlined, loop
 from .blocks import place_of
 from .calls import call_look_up
 from .capture import LOOKED_AT, ellipsoids_of, held_by_cover
-from .periods import ESCAPED, INACCURATE, NOWHERE, Discrete, Motion, integrate, iterate
+from .periods import ESCAPED, INACCURATE, NOWHERE, Discrete, Motion, integrate, iterate, notice
 
 FINISHED, INTERRUPTED, ASKS_FOR_POOL, ASKS_FOR_WAITING = 0, 1, 2, 3
 """Why the loop returns: nothing is left, so that Ctrl-C is heard, or for one step of the map or of the exact map."""
@@ -319,7 +319,7 @@ def _is_outside(table, points, r):
     """Tell whether a row is outside the window of the table, as the look-up does."""
     for j in range(points.shape[1]):
         place = place_of(points[r, j], table.origin[j], table.inverse[j], table.circle[j])
-        if place < 0.0 or place > table.cells[j]:  # an angle without phase is left to the exact map
+        if place < 0.0 or place > table.cells[j]:  # not an angle without phase, of which the exact map decides
             return True
     return False
 
@@ -329,3 +329,32 @@ def find_outside(table, points, outside):
     """Write which rows are outside the window of a table."""
     for r in range(points.shape[0]):
         outside[r] = _is_outside(table, points, r)
+
+
+@loop
+def record(step, points, rotations, status, small, places, turned, states):
+    """Move orbits on by the exact map, and write where they are after each period; return the steps that were made.
+
+    ``places`` (periods, n, d), ``turned`` (periods, n, d) and ``states`` (periods, n) receive points, full rotations
+    and status.  The map of a step is a flow or a compiled function.  ``small`` is for :func:`.periods.notice`.
+    """
+    total = 0
+    for period in range(places.shape[0]):
+        if step.kind == FLOW:
+            notice(step.motion, points, status, small)
+        total += apply_exact_map(step, points, rotations, status, 1)
+        for k in range(points.shape[0]):
+            states[period, k] = status[k]
+            for j in range(points.shape[1]):
+                places[period, k, j] = points[k, j]
+                turned[period, k, j] = rotations[k, j]
+    return total
+
+
+@loop
+def count_labels(labels, lowest, counts):
+    """Add to ``counts`` how often the labels from `lowest` on occur; others are passed over."""
+    for i in range(len(labels)):
+        k = labels[i] - lowest
+        if 0 <= k < len(counts):
+            counts[k] += 1

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .failures import Failure
+from .marks import Failure
 from .numbers import Arithmetic, literal
 from .values import CONTIGUOUS, FLOAT, IN_ROWS, STORED, STRIDED, TRUTH, UNSIGNED, WHOLE, ArrayKind, Known, Value
 from .writer import Writer

@@ -1,9 +1,10 @@
-"""What tells the compiler that a function is written in the language of loops."""
+"""What tells the compiler that a function is written in the language of loops, and codes with which it may end."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from enum import IntEnum
 from typing import Any
 
 
@@ -42,3 +43,13 @@ class ArrayAt:
     def __call__(self, address: Any, shape: Any) -> Any:
         """Stand in loops for the array; there is none in Python."""
         raise NotImplementedError
+
+
+class Failure(IntEnum):
+    """Reason why a function has ended before it returned."""
+
+    NO_MEMORY = 1
+    OUTSIDE = 2
+    """An index outside of an array."""
+    WRONG_VALUE = 3
+    """An array of negative length, or a range with step 0."""

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from .expressions import Expressions
-from .failures import Failure
-from .marks import Deferred
+from .marks import Deferred, Failure
 from .values import (
     SEEN_AGAIN,
     WHOLE,
