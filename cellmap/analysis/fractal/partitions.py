@@ -14,7 +14,6 @@ from ..._lib.arrays import Floats, Ints
 from ..._lib.checks import affordable_number, finite_points, real_array, shown
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.threads import run_over
-from ...basins.classification import scale_of
 from ...maps.coordinates import Coordinate, as_coordinates, turns_of, wrap
 
 _KEY_BITS = 62
@@ -69,7 +68,10 @@ class Space:
             alike = not periods.any() and len({c.unit for c in names}) == 1
             lengths = np.ones(d) if alike else np.where(extents > 0.0, extents, 1.0)
         else:
-            lengths = scale_of(scales, names, None)
+            lengths = real_array("scale", scales)
+            lengths = np.full(d, lengths) if lengths.ndim == 0 else lengths
+            if lengths.shape != (d,) or not ((lengths > 1e-150) & (lengths < 1e150)).all():
+                raise ValueError(f"scale={shown(scales)}: give a positive length for each coordinate")
         if not np.ptp(given, axis=0).any():
             raise ValueError("points: all of them are the same; a point has dimension 0")
         corner = np.where(periods > 0.0, cuts, given.min(axis=0))
