@@ -86,27 +86,33 @@ def solutions(
         settled[active[closed]] = True
         slopes[active[closed | regular]] = there[closed | regular]
         again = active[~taken & ~closed] if damped else active[:0]
-        fraction[again] *= 0.5
-        points[again] = base[again] + fraction[again, None] * np.where(np.isfinite(steps[again]), steps[again], np.nan)
-        hopeful = (fraction[again] > _SMALLEST_FRACTION) & np.isfinite(points[again]).all(axis=-1)
-        again, ended = again[hopeful], again[~hopeful]
-        points[ended], settled[ended] = base[ended], solved[ended] & (lengths[ended] <= _STALLED)
+        if len(again):
+            fraction[again] *= 0.5
+            shorter = np.where(np.isfinite(steps[again]), steps[again], np.nan)
+            points[again] = base[again] + fraction[again, None] * shorter
+            hopeful = (fraction[again] > _SMALLEST_FRACTION) & np.isfinite(points[again]).all(axis=-1)
+            again, ended = again[hopeful], again[~hopeful]
+            points[ended], settled[ended] = base[ended], solved[ended] & (lengths[ended] <= _STALLED)
         rows = active[regular]
-        step = np.linalg.solve(there[regular], -residual[regular][..., None])[..., 0]
-        length, last = np.abs(step / scale[regular]).max(axis=-1, initial=0.0), lengths[rows]
+        if len(rows) < len(active):
+            residual, there, scale, size = residual[regular], there[regular], scale[regular], size[regular]
+        step = np.linalg.solve(there, -residual[..., None])[..., 0]
+        length, last = np.abs(step / scale).max(axis=-1, initial=0.0), lengths[rows]
         # Where derivatives are large, a short step may still be far from a solution.
-        solved[rows] = size[regular] <= _RESIDUAL + _AMPLIFIED * np.abs(there[regular]).max(axis=(-2, -1), initial=0.0)
+        solved[rows] = size <= _RESIDUAL + _AMPLIFIED * np.abs(there).max(axis=(-2, -1), initial=0.0)
         stalled = solved[rows] & (last <= _STALLED) & (length > _SHRINKING * last)
         done = stalled | (solved[rows] & _is_last(length, last)) | (length <= _ROUNDING)
         if damped:
             longest = np.abs(step / extent).max(axis=-1, initial=0.0)
             longest = np.minimum(np.minimum(1.0, 2.0 * fraction[rows]), _LONGEST / np.maximum(longest, 1e-300))
             fraction[rows] = np.where(done, 1.0, longest)
-        base[rows], steps[rows], lengths[rows], sizes[rows] = points[rows], step, length, size[regular]
+        base[rows], steps[rows], lengths[rows], sizes[rows] = points[rows], step, length, size
         points[rows] += np.where(stalled, 0.0, fraction[rows])[:, None] * step
         near = (np.abs(points[rows] - guesses[rows]) <= reach).all(axis=-1)
         settled[rows[done]] = near[done]
-        active = np.sort(np.concatenate([again, rows[near & ~done]]))
+        active = rows[near & ~done]
+        if len(again):
+            active = np.sort(np.concatenate([again, active]))
     return Solutions(points, slopes, settled)
 
 
