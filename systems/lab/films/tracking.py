@@ -197,11 +197,11 @@ def read_first_frame(
                 f"{shape[1]} x {shape[0]} pixels"
             )
     reach = max(12.0, 0.1 * min(shape)) if window is None else finite_number("search_radius", window, at_least=2.0)
-    starts = [complex(column, row) for column, row in places]
-    limit = _threshold(image, [box_around(start, max(12.0, 0.5 * reach), 0.0, shape) for start in starts], threshold)
+    positions = [complex(column, row) for column, row in places]
+    limit = _threshold(image, [box_around(place, max(12.0, 0.5 * reach), 0.0, shape) for place in positions], threshold)
     interval = float(np.median(np.diff(film.times))) if len(film) > 1 else 1.0
     setup, time = Setup(limit, reach, interval, pixel_noise(film), weighted), float(film.times[frame])
-    blobs = [_blob_at(image, start, k, setup) for k, start in enumerate(starts)]
+    blobs = [_blob_at(image, place, k, setup) for k, place in enumerate(positions)]
     for k, blob in enumerate(blobs):
         for j in range(k):
             if abs(blob.centre - blobs[j].centre) < 1.0:
