@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import NoneType
+from typing import Any, get_args, get_type_hints
 
 import h5py
 import numpy as np
 
 from .._lib.sealed import array_of, get_number, get_numbers, get_text, group_of, put_text
 from ..maps.coordinates import Coordinate
-from ..orbits.attractor import Attractor, Cover, Kind, Neighbourhood
-from ..orbits.invariant_circle import InvariantCircle
-from ..orbits.invariant_torus import InvariantTorus
+from ..orbits.attractor import PARTS, Attractor, Kind
 
 _SAMPLED = (Kind.CHAOTIC, Kind.EQUILIBRIA, Kind.CONTINUUM, Kind.QUASIPERIODIC)  # kinds of which the points are a sample
 
@@ -35,12 +34,10 @@ def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
     for name in ("points", "multipliers", "exponents", "resolution"):
         if (value := getattr(attractor, name)) is not None:
             group[name] = value
-    for part in ("neighbourhood", "cover", "circle", "torus"):
-        record = getattr(attractor, part)
-        if record is not None:
-            for field in dataclasses.fields(record):
-                if (value := getattr(record, field.name)) is not None:
-                    group[f"{part}/{field.name}"] = value
+    for part, (_, dims) in PARTS.items():
+        for name in dims:
+            if (value := getattr(getattr(attractor, part), name, None)) is not None:
+                group[f"{part}/{name}"] = value
 
 
 def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> Attractor:
@@ -49,24 +46,11 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
     points = array_of(group, "points", np.float64, (None if kind in _SAMPLED else period, d))
     if not len(points) or not np.isfinite(points).all():
         raise ValueError(f"{group.name} has no points")
-    neighbourhood, cover = None, None
-    if "neighbourhood" in group:
-        neighbourhood = Neighbourhood(
-            array_of(group, "neighbourhood/centres", np.float64, (period, d)),
-            array_of(group, "neighbourhood/metrics", np.float64, (period, d, d)),
-            float(array_of(group, "neighbourhood/contraction", np.float64, ())),
-        )
-        if not all(np.isfinite(part).all() for part in dataclasses.astuple(neighbourhood)):
-            raise ValueError(f"{group.name} has no trapping region")
-    if "cover" in group:
-        boxes = array_of(group, "cover/boxes", np.int64, (None, d))
-        cover = Cover(
-            array_of(group, "cover/lower", np.float64, (d,)),
-            array_of(group, "cover/widths", np.float64, (d,)),
-            boxes,
-            array_of(group, "cover/certain", np.bool_, (len(boxes),)) if "cover/certain" in group else None,
-        )
-    circle = _read_circle(group, d) if "circle" in group else None
+    sizes = {"d": d, "period": period, "two": 2}
+    parts = {part: _read_part(group, part, sizes) for part in PARTS if part in group}
+    neighbourhood = parts.get("neighbourhood")
+    if neighbourhood is not None and not all(np.isfinite(part).all() for part in vars(neighbourhood).values()):
+        raise ValueError(f"{group.name} has no trapping region")
     grazing = group.attrs.get("grazing", np.inf)
     multipliers = array_of(group, "multipliers", np.complex128, (None,))
     exponents = array_of(group, "exponents", np.float64, (None,))
@@ -85,37 +69,27 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
         multipliers=multipliers,
         exponents=exponents,
         coordinates=coordinates,
-        neighbourhood=neighbourhood,
-        cover=cover,
-        circle=circle,
-        torus=_read_torus(group, d) if "torus" in group else None,
+        **parts,
         grazing_distance=float(grazing),
         resolution=array_of(group, "resolution", np.float64, (d,)) if "resolution" in group else None,
     )
 
 
-def _read_circle(group: h5py.Group, d: int) -> InvariantCircle:
-    coefficients = array_of(group, "circle/coefficients", np.complex128, (None, d, None))
-    if not len(coefficients) or coefficients.shape[-1] % 2 == 0:
-        raise ValueError(f"{group.name} has Fourier coefficients of shape {coefficients.shape}")
-    numbers = ("frequency", "frequency_error", "invariance_error", "cycle_period")
-    return InvariantCircle(
-        coefficients=coefficients,
-        rotation_numbers=array_of(group, "circle/rotation_numbers", np.float64, (d,)),
-        rotation_errors=array_of(group, "circle/rotation_errors", np.float64, (d,)),
-        **{name: float(array_of(group, f"circle/{name}", np.float64, ())) for name in numbers},
-    )
-
-
-def _read_torus(group: h5py.Group, d: int) -> InvariantTorus:
-    coefficients = array_of(group, "torus/coefficients", np.complex128, (d, None, None))
-    if coefficients.shape[1] != coefficients.shape[2] or coefficients.shape[1] % 2 == 0:
-        raise ValueError(f"{group.name} has Fourier coefficients of shape {coefficients.shape}")
-    return InvariantTorus(
-        frequencies=array_of(group, "torus/frequencies", np.float64, (2,)),
-        frequency_errors=array_of(group, "torus/frequency_errors", np.float64, (2,)),
-        rotation_numbers=array_of(group, "torus/rotation_numbers", np.float64, (d,)),
-        rotation_errors=array_of(group, "torus/rotation_errors", np.float64, (d,)),
-        coefficients=coefficients,
-        invariance_error=float(array_of(group, "torus/invariance_error", np.float64, ())),
-    )
+def _read_part(group: h5py.Group, part: str, sizes: Mapping[str, int]) -> Any:
+    """Read a record of an attractor, whose arrays agree in the sizes of all dimensions of a name."""
+    record, shapes = PARTS[part]
+    hints, known, found = get_type_hints(record), dict(sizes), {}
+    for name, dims in shapes.items():
+        if NoneType not in get_args(hints[name]) or f"{part}/{name}" in group:
+            hint = get_args(hints[name])[0] if NoneType in get_args(hints[name]) else hints[name]
+            kind = np.float64 if hint is float else get_args(get_args(hint)[1])[0]
+            values = array_of(group, f"{part}/{name}", kind, tuple(known.get(dim) for dim in dims.split()))
+            known |= dict(zip(dims.split(), values.shape, strict=True))
+            if (
+                values.shape != tuple(known[dim] for dim in dims.split())
+                or not known.get("curves", 1)
+                or known.get("harmonics", 1) % 2 == 0
+            ):
+                raise ValueError(f"{group.name} has Fourier coefficients of shape {values.shape}")
+            found[name] = values if values.shape else float(values)
+    return record(**found)

@@ -11,13 +11,8 @@ from numpy.typing import NDArray
 
 from .._lib.arrays import Complexes, Floats
 from ..maps.coordinates import Coordinate
-from ..orbits.attractor import Attractor, Cover, Kind, Neighbourhood, distinct_names
-from ..orbits.invariant_circle import InvariantCircle
-from ..orbits.invariant_torus import InvariantTorus
+from ..orbits.attractor import PARTS, Attractor, Kind, distinct_names
 from .optional import xarray_package
-
-_PARTS = {"neighbourhood": Neighbourhood, "cover": Cover, "circle": InvariantCircle, "torus": InvariantTorus}
-"""Records of an attractor: its trapping region, or its invariant curves."""
 
 
 def attractor_group(
@@ -85,7 +80,7 @@ def attractors_of(group: Any, coordinates: tuple[Coordinate, ...]) -> Iterator[A
     found = {str(name): variable.values for name, variable in group.variables.items()}
     ends = np.cumsum(found["number_of_points"])
     multipliers = _complex(found["multipliers_real"], found["multipliers_imaginary"])
-    parts = {name: _records(found, name, record) for name, record in _PARTS.items()}
+    parts = {name: _records(found, name, record) for name, (record, _) in PARTS.items()}
     for k, end in enumerate(ends.tolist()):
         yield Attractor(
             kind=Kind(str(found["kind"][k])),
@@ -104,7 +99,7 @@ def attractors_of(group: Any, coordinates: tuple[Coordinate, ...]) -> Iterator[A
 def _parts(attractors: Sequence[Attractor]) -> dict[str, Any]:
     """Return the arrays of all records of attractors, those of which at least one attractor has one."""
     found: dict[str, Any] = {}
-    for part, record in _PARTS.items():
+    for part, (record, _) in PARTS.items():
         for field in fields(record):
             owners = [getattr(a, part) for a in attractors]
             values = [None if owner is None else getattr(owner, field.name) for owner in owners]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf, isclose, pi
@@ -80,6 +80,30 @@ class Cover:
     def corners(self) -> Ints:
         """Least and largest place of the boxes along each axis, shape (2, dimension)."""
         return np.stack([self.boxes.min(axis=0), self.boxes.max(axis=0)])
+
+
+PARTS: Mapping[str, tuple[Any, Mapping[str, str]]] = {
+    "neighbourhood": (Neighbourhood, {"centres": "period d", "metrics": "period d d", "contraction": ""}),
+    "cover": (Cover, {"lower": "d", "widths": "d", "boxes": "boxes d", "certain": "boxes"}),
+    "circle": (
+        InvariantCircle,
+        {
+            **dict.fromkeys(("frequency", "frequency_error", "invariance_error", "cycle_period"), ""),
+            **dict.fromkeys(("rotation_numbers", "rotation_errors"), "d"),
+            "coefficients": "curves d harmonics",
+        },
+    ),
+    "torus": (
+        InvariantTorus,
+        {
+            **dict.fromkeys(("frequencies", "frequency_errors"), "two"),
+            **dict.fromkeys(("rotation_numbers", "rotation_errors"), "d"),
+            "coefficients": "d harmonics harmonics",
+            "invariance_error": "",
+        },
+    ),
+}
+"""Records of an attractor, its trapping region and its invariant curves, with the dimensions of their arrays."""
 
 
 @dataclass(frozen=True, eq=False)
