@@ -10,7 +10,7 @@ import numpy as np
 from .._lib.fit import Fit
 from ..analysis.fractal.boundary_dimensions import boundary_dimension
 from ..analysis.fractal.entropy import basin_entropy
-from ..analysis.fractal.image_uncertainty import image_uncertainty_exponent
+from ..analysis.fractal.uncertainty_fits import image_uncertainty_exponent
 from ..basins.certification.certificate import Evidence
 from ..basins.certification.certifying import certify
 from ..basins.live import LiveFrame

@@ -9,12 +9,12 @@ from .generalized import GeneralizedDimensions as GeneralizedDimensions
 from .generalized import KaplanYorke as KaplanYorke
 from .generalized import generalized_dimensions as generalized_dimensions
 from .generalized import kaplan_yorke_dimension as kaplan_yorke_dimension
-from .image_uncertainty import image_uncertainty_exponent as image_uncertainty_exponent
 from .randomness_test import FractalTest as FractalTest
 from .randomness_test import fractal_boundary_test as fractal_boundary_test
 from .randomness_test import smooth_boundary_entropy as smooth_boundary_entropy
 from .uncertainty import uncertainty_exponent as uncertainty_exponent
 from .uncertainty_fits import UncertaintyExponent as UncertaintyExponent
+from .uncertainty_fits import image_uncertainty_exponent as image_uncertainty_exponent
 from .wada import MergingTest as MergingTest
 from .wada import wada_merging as wada_merging
 from .wada_search import WadaGrid as WadaGrid

@@ -14,8 +14,8 @@ from ..._lib.checks import affordable_number, whole_number
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ...basins.record import Basins
-from .image_uncertainty import finest_exponent, is_rough
 from .label_images import LabelImage, label_image
+from .uncertainty_fits import finest_exponent, is_rough
 
 _SIGNIFICANT = 2.0  # standard errors above ln 2
 _FEW = 30  # boxes on the boundary below which nothing is concluded

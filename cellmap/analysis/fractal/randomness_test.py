@@ -17,9 +17,17 @@ from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ...basins.record import Basins
 from .entropy import box_entropies, count_at
-from .image_uncertainty import finest_exponent, image_uncertainty_exponent, is_rough
 from .label_images import LabelImage, label_image
-from .uncertainty_fits import FRACTAL, NO_BOUNDARY, SMOOTH, UNDETERMINED, UncertaintyExponent
+from .uncertainty_fits import (
+    FRACTAL,
+    NO_BOUNDARY,
+    SMOOTH,
+    UNDETERMINED,
+    UncertaintyExponent,
+    finest_exponent,
+    image_uncertainty_exponent,
+    is_rough,
+)
 
 _BATCH = 4096  # discs that are drawn together
 _PATIENCE = 500  # times as many discs as are wanted on the boundary are drawn at most
