@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from .._lib.arrays import Bools, Floats, Ints
@@ -60,3 +62,10 @@ def in_units(points: Floats, size: Floats, point_map: PointMap) -> Floats:
     highest = np.where(turn > 0, np.nextafter(turn / size, 0.0), np.inf)
     corner = np.where(turn > 0, lower, 0.0)
     return np.asarray(np.minimum((wrap(points, point_map.coordinates) - corner) / size, highest))
+
+
+def tree_of(points: Floats, size: Floats, point_map: PointMap) -> Any:
+    """Return a tree of points (n, dimension) in units of lengths, periodic along angles."""
+    from scipy.spatial import KDTree
+
+    return KDTree(in_units(points, size, point_map), boxsize=turns_of(point_map.coordinates)[1] / size)

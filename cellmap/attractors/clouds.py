@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from .._lib.arrays import Bools, Floats, Ints
-from ..maps.coordinates import turns_of
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
-from .boxes import boxes_of, in_units
+from .boxes import boxes_of, in_units, tree_of
 from .settling import path_of
 
 _NEIGHBOURS = 8  # nearest points of all samples that are looked at
@@ -43,17 +42,14 @@ class Clouds:
 
     def __post_init__(self) -> None:
         from scipy.sparse.csgraph import connected_components
-        from scipy.spatial import KDTree
 
         # Initial conditions that are mirror images may have one and the same orbit, with no neighbours elsewhere.
         _, first, same = np.unique([s[-1] for s in self.samples], axis=0, return_index=True, return_inverse=True)
         distinct = [self.samples[k] for k in first]
         counts = np.array([len(s) for s in distinct])
         who = np.repeat(np.arange(len(distinct)), counts)
-        turn = turns_of(self.point_map.coordinates)[1]
-        points = in_units(np.concatenate(distinct), self.size, self.point_map)
-        tree = KDTree(points, boxsize=np.where(turn > 0, turn / self.size, 0.0))
-        apart, near = tree.query(points, k=np.arange(2, _NEIGHBOURS + 2))
+        tree = tree_of(np.concatenate(distinct), self.size, self.point_map)
+        apart, near = tree.query(tree.data, k=np.arange(2, _NEIGHBOURS + 2))
         pairs = np.repeat(who, _NEIGHBOURS) * len(counts) + who[np.minimum(near, len(who) - 1)].ravel()
         found = np.bincount(pairs, minlength=len(counts) ** 2).reshape(len(counts), -1)
         mixed = found >= _MIXED * _NEIGHBOURS * np.outer(counts, counts) / counts.sum()

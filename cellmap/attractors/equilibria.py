@@ -18,7 +18,7 @@ from ..maps.tangent import jacobian
 from ..orbits.attractor import Attractor, Cover, Kind
 from ..orbits.multipliers import multipliers_of
 from ..orbits.newton import resolution
-from .boxes import boxes_around, boxes_of, inside_cover, moved_boxes, wrapped_boxes
+from .boxes import boxes_around, boxes_of, in_units, inside_cover, moved_boxes, tree_of, wrapped_boxes
 
 _PROBE = 1e-7  # distance at which the neighbours of an equilibrium are tried, in units of the extent,
 _RESOLVED = 1e4 * AT_REST  # or of the resolution, where they would not be seen to move in a smaller region
@@ -160,8 +160,6 @@ def _drawn(
     exact: PointMap, place: Floats, boxes: Ints, centres: Floats, widths: Floats, wide: Bools, extent: Floats
 ) -> Bools:
     """Tell in which boxes all of some points rest, or come closer to the nearest of the centres, or to others ahead."""
-    from scipy.spatial import KDTree
-
     # Centres, edges and corners, counted in half boxes: neighbours share most of them.
     halves = np.array(list(itertools.product(*[(-1, 0, 1) if w else (0,) for w in wide])))
     counted = (2 * boxes[:, None, :] + halves).reshape(-1, len(widths))
@@ -170,12 +168,8 @@ def _drawn(
     restless = np.flatnonzero(~_rests(exact, wrap(points, exact.coordinates), extent))
     drawn = np.ones(len(points), bool)
     if len(restless):
-        lower, turn = turns_of(exact.coordinates)
-        lower = np.where(turn > 0, lower, 0.0)
-        scaled = [(wrap(p, exact.coordinates) - lower) / extent for p in (centres, points)]
-        tree = KDTree(scaled[0], boxsize=np.where(turn > 0, turn, 0.0) / extent)
-        nearest = centres[tree.query(scaled[1][restless])[1]]
         begin = wrap(points[restless], exact.coordinates)
+        nearest = centres[tree_of(centres, extent, exact).query(in_units(begin, extent, exact))[1]]
         images = _moved(exact, begin, _PERIODS).points
         far, near = (np.abs(difference(p, nearest, exact.coordinates) / extent).max(axis=-1) for p in (begin, images))
         closer = near < far

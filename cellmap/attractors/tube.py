@@ -19,7 +19,7 @@ from ..maps.point_map import PointMap
 from ..maps.side_by_side import advance_on_threads
 from ..orbits.attractor import Cover
 from ..orbits.invariant_torus import InvariantTorus, places_of
-from .boxes import boxes_of, in_units
+from .boxes import boxes_of, in_units, tree_of
 
 DENSE = 2048
 """Points of each curve, between which it is straight."""
@@ -284,10 +284,7 @@ def nearest_places(curves: Attracting, points: Floats) -> Ints:
 
 @functools.lru_cache(maxsize=1)
 def _tree(curves: Any) -> Any:
-    from scipy.spatial import KDTree
-
-    box = turns_of(curves.exact.coordinates)[1] / curves.size
-    return KDTree(in_units(curves.points.reshape(-1, len(box)), curves.size, curves.exact), boxsize=box)
+    return tree_of(curves.points.reshape(-1, len(curves.size)), curves.size, curves.exact)
 
 
 def _steps_needed(curves: Attracting, radius: float) -> tuple[int, float]:
