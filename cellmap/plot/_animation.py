@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from .._lib.arrays import Floats
 from .._lib.checks import claim_memory, finite_number, shown, whole_number
-from .._lib.files import written_whole
+from .._lib.files import as_target, written_whole
 from .._lib.signatures import checked
 from ..maps.trajectories import Trajectory
 from ._colours import colour_of
@@ -144,12 +144,7 @@ def _joints(trajectory: Trajectory, output: str) -> Floats:
 
 def _writer(path: str | os.PathLike[str], frames_per_second: float, frames: int) -> tuple[Path, AbstractMovieWriter]:
     """Check a path and choose what writes it."""
-    try:
-        target = Path(path)
-    except TypeError:
-        raise TypeError(f"path={path!r}: give the name of a file that ends in .gif or .mp4") from None
-    if not target.parent.is_dir():
-        raise FileNotFoundError(f"path={str(path)!r}: there is no folder {str(target.parent)!r}; make it first")
+    target = as_target("path", path)
     match target.suffix.lower():
         case ".gif":
             needed = round(4 * frames * (_INCHES * _DOTS_PER_INCH) ** 2)

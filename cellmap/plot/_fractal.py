@@ -207,12 +207,10 @@ def basin_entropy(result: BasinEntropy | FractalTest, *, ax: Axes | None = None)
         values: Floats = result.boxes[result.boxes > 0.0]
         mean, error, verdict = result.boundary_entropy, result.boundary_error, ""
         reference, meaning = log(2.0), "ln 2"
-    elif isinstance(result, FractalTest):
+    else:
         values, verdict = result.entropies, result.verdict
         mean, error = result.entropy, result.standard_error
         reference, meaning = result.smooth, "straight boundary"
-    else:
-        raise TypeError(f"result={result!r}: give a BasinEntropy or a FractalTest")
     ax = axes_or_new(ax, (6.0, 4.5))
     if len(values):
         ax.hist(values, bins=30, color=COLOURS[0], alpha=0.5)

@@ -342,8 +342,6 @@ def plan(
     """
     if isinstance(system, PointMap) and system.table is not None:
         raise TypeError(f"system={system!r} is an interpolated map: give the exact map behind it")
-    if region is not None and not isinstance(region, CellGrid):
-        raise TypeError(f"region={region!r}: give a CellGrid")
     accuracy = finite_number("accuracy", accuracy, above=0.0)
     periods = None if periods is None else whole_number("periods", periods, at_least=1)
     one_of("outside", outside, ("escape", "integrate"))
