@@ -188,18 +188,11 @@ class Detector:
         """Return whether the multipliers whose product is nearest to 1 are a complex pair."""
         return bool(abs(multipliers[list(pair_on_circle(multipliers))].imag).min() > _REAL)
 
-    def _is_continuum(self, unknowns: Floats, direction: Floats, rounds: int = 1) -> bool:
-        """Return whether orbits of some times the period fill a curve at one parameter value, as at a linear flip."""
-        old = self.problem
-        problem = old if rounds == 1 else old.over(rounds, 1.0, old.scale[-1])
-        origin, along = (
-            old.repeated(v * old.scale, rounds, sign) / problem.scale
-            for v, sign in ((unknowns, 1.0), (direction, -1.0 if rounds > 1 else 1.0))
-        )
-        along = along / np.linalg.norm(along)
+    def _is_continuum(self, unknowns: Floats, direction: Floats) -> bool:
+        """Return whether orbits fill a curve at one parameter value, as they do not at a pitchfork."""
         for length in (_BESIDE, -_BESIDE):
-            place = corrected(problem, origin + length * along, along)
-            if place is None or not abs(place.unknowns[-1] - origin[-1]) < _ON_LINE:
+            place = corrected(self.problem, unknowns + length * direction, direction)
+            if place is None or not abs(place.unknowns[-1] - unknowns[-1]) < _ON_LINE:
                 return False
         return True
 
@@ -223,8 +216,6 @@ class Detector:
             kind = BifurcationKind.DEGENERATE
         if kind is BifurcationKind.PERIOD_DOUBLING:
             branch_direction = problem.flipped(place)
-            if self._is_continuum(unknowns, branch_direction, rounds=2):
-                branch_direction = None
         state = unknowns * problem.scale
         return Bifurcation(
             kind=kind,

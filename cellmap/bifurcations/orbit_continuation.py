@@ -22,7 +22,12 @@ from .branch_tracer import LARGE, BranchTracer, Pieces, born_orbit, joined
 from .codimension_two import CodimensionTwo
 from .function_zeros import FunctionZero
 from .intervals import interval_between, limits_of
+from .kinds import BifurcationKind
 
+_STILL, _OPEN = (
+    1e-13,
+    1e-4,
+)  # scaled change of the parameter, and distance from the old orbits, on a curve of doubled ones
 _SMALL = 0.1  # part of the interval that a branch may take to be followed in units of its own
 
 
@@ -192,6 +197,12 @@ def switch_branch(
             f"bifurcation={bifurcation!r}: no orbit is found on the branch that leaves it; give a smaller step"
         )
     further, start = born
+    moved = abs(float(start.unknowns[-1] * further.problem.scale[-1]) - bifurcation.value) / (high - low)
+    doubles = bifurcation.kind is BifurcationKind.PERIOD_DOUBLING
+    if moved < _STILL and doubles and bifurcation._problem.opened(further.problem, start.unknowns) > _OPEN:
+        raise ValueError(
+            f"bifurcation={bifurcation!r}: orbits of twice the period fill a curve there, and form no branch"
+        )
     return further.branch(further.trace(start))
 
 

@@ -259,5 +259,5 @@ def test_no_branch_leaves_a_flip_at_which_all_orbits_double(bent: bool) -> None:
     branch = continue_orbit(exact, periodic_orbit(exact, [0.0, 0.0]), "q", 0.0, 1.5)
     (flip,) = branch.bifurcations
     assert flip.kind is BifurcationKind.PERIOD_DOUBLING and flip.value == pytest.approx(1.0, abs=1e-12)
-    with pytest.raises(ValueError, match="no branch of periodic orbits leaves it"):
+    with pytest.raises(ValueError, match="orbits of twice the period fill a curve there"):
         switch_branch(branch, flip, 0.0, 1.5)
