@@ -142,7 +142,7 @@ def label(step, regions, covers, limits, outcome, work):
             _return_waiting(pool, waiting, counts)
         if counts[LOOKED] == 0:
             _fill(outcome, pool, counts, limits.age)
-            _look(step, regions, covers, limits, outcome, work)
+            _look(step.table, step.turn, regions, covers, limits, outcome, work)
         counts[LOOKED] = 0
         active, waits = counts[ACTIVE], counts[WAITING]
         if active + waits == 0:
@@ -185,7 +185,7 @@ def apply_exact_map(step, points, rotations, status, periods):
     return iterate(step.discrete, points, rotations, status, step.lower, step.turn, periods)
 
 
-@inlined
+@loop
 def _copy(rows, i, others, k):
     for j in range(rows.points.shape[1]):
         others.points[k, j] = rows.points[i, j]
@@ -224,7 +224,7 @@ def _fill(outcome, pool, counts, age):
 
 
 @loop
-def _look(step, regions, covers, limits, outcome, work):
+def _look(table, turn, regions, covers, limits, outcome, work):
     """Find the rows that have settled or ended, and those that the table does not serve; the others go on."""
     pool, waiting, scratch, counts = work
     rows, holes, found, made = counts[ACTIVE], 0, scratch.found, 0
@@ -234,7 +234,7 @@ def _look(step, regions, covers, limits, outcome, work):
     grows = regions.owners.size + covers.owners.size == 0
     for begin in range(0, rows, LOOKED_AT):
         some = min(LOOKED_AT, rows - begin)
-        ellipsoids_of(pool.points, begin, some, regions, step.turn, scratch.places, scratch.distances, found)
+        ellipsoids_of(pool.points, begin, some, regions, turn, scratch.places, scratch.distances, found)
         for i in range(some):
             r = begin + i
             k = pool.age[r]
@@ -244,7 +244,7 @@ def _look(step, regions, covers, limits, outcome, work):
                     if pool.left[r] < 0:
                         pool.left[r] = -pool.left[r]
                         continue
-                    if not (step.table.escapes != 0 and _is_outside(step.table, pool.points, r)):
+                    if not (table.escapes != 0 and _is_outside(table, pool.points, r)):
                         _copy(pool, r, waiting, counts[WAITING])
                         counts[WAITING] += 1
                         scratch.holes[holes] = r
