@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,9 +15,11 @@ from ..._lib.fit import Fit
 from ..._lib.randomness import Rng
 from ..._lib.signatures import checked
 from ...maps.coordinates import Coordinate
-from ...orbits.lyapunov import LyapunovSpectrum
 from .box_counting import checked_sizes, fit_sizes, unseen
 from .partitions import Partition, Space, dyadic_sizes, over_offsets
+
+if TYPE_CHECKING:
+    from ...orbits.lyapunov import LyapunovSpectrum
 
 _FEWEST_BOXES = 10
 _MISSED = 0.02
@@ -233,6 +236,8 @@ def kaplan_yorke_dimension(exponents: ArrayLike | LyapunovSpectrum, errors: Arra
     >>> kaplan_yorke_dimension([0.4192, -1.6232], [0.0003, 0.0003])
     KaplanYorke(dimension 1.2583 +- 0.00019)
     """
+    from ...orbits.lyapunov import LyapunovSpectrum
+
     if isinstance(exponents, LyapunovSpectrum):
         exponents, known = exponents.pooled
         errors = known if errors is None else errors
