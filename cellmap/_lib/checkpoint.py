@@ -46,7 +46,7 @@ PART = "run"
 """Kind of temporary files that only who holds the lock of a checkpoint makes and removes."""
 
 TILE = np.dtype([("tally", "<i8", (4,)), ("checksum", "<u4"), ("done", "<u4")])
-"""Entry of a tile: two numbers of the run's own, and the checksum of these and of its contents."""
+"""Entry of a tile: four numbers of the run's own, and the checksum of these and of its contents."""
 
 Arrays = Mapping[str, tuple[tuple[int, ...], DTypeLike]]
 """Arrays of a file by name: their shapes and types."""

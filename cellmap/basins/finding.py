@@ -21,8 +21,8 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
 from .doubts import warn_of_doubts
 from .initial_conditions import InitialConditions
-from .passes import Run, label_store
 from .record import Basins
+from .run import Run, label_store
 
 
 @checked

@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from .._lib.arrays import Ints
+from .._lib.arrays import Floats, Ints
 from .._lib.checkpoint import TILE, Arrays, Checkpoint, check_belongs, damaged, made, resumed
 from .._lib.checks import claim_disk, claim_memory
 from .._lib.sealed import array_of, get_number, get_numbers, group_of, within
@@ -38,13 +38,13 @@ _FORGET = 64  # tiles after which pages of a file need not stay in memory
 class OnDisk(LabelStore):
     """Labels and settling times in a checkpoint.
 
-    Each pass has a file of its own, which takes the place of the one before as a whole; in it tiles are filled in.
+    Each sweep has a file of its own, which takes the place of the one before as a whole; in it tiles are filled in.
     """
 
     def __init__(self, shape: tuple[int, ...], path: Path, belongs: Mapping[str, Any]) -> None:
         super().__init__(shape)
         self._path, self._belongs = path, belongs
-        self._file: Checkpoint | None = None  # until a pass has begun
+        self._file: Checkpoint | None = None  # until a sweep has begun
         self._whole = self._found()
         if self._whole is None:
             what, remedy = (
@@ -72,7 +72,7 @@ class OnDisk(LabelStore):
         )
 
     def begin(self, now: Progress) -> None:
-        """Write the file of a pass, with the labels of all other starts from the file before."""
+        """Write the file of a sweep, with the labels of all other starts from the file before."""
         settled = self._settled_before(now)
         with made(
             self._path, self._belongs, self._arrays(now), lambda file: _write_progress(file, now, settled)
@@ -82,7 +82,7 @@ class OnDisk(LabelStore):
         self._use(fresh)
 
     def resume(self, examined: Examined) -> Progress | None:
-        """Return the pass that the file has come to, None where there is no file; `examined` is an empty record."""
+        """Return the sweep that the file has come to, None where there is no file; `examined` is an empty record."""
         found = resumed(
             self._path,
             self._belongs,
@@ -116,7 +116,7 @@ class OnDisk(LabelStore):
         return basins
 
     def unfinished(self, now: Progress) -> list[int]:
-        """Return the tiles of a pass that are to do, those that were torn among them."""
+        """Return the tiles of a sweep that are to do, those that were torn among them."""
         assert self._file is not None
         open_ = []
         for number in range(len(now.parts)):
@@ -156,7 +156,7 @@ class OnDisk(LabelStore):
         return within(labels, min(LABEL_NAMES), len(now.attractors) - 1)
 
     def _arrays(self, now: Progress) -> Arrays:
-        """Arrays of the file of a pass."""
+        """Arrays of the file of a sweep."""
         labels, times, tiles = (self.total,), (self.total,), (len(now.parts),)
         return {"labels": (labels, np.int16), "settling_time": (times, np.int32), "tiles": (tiles, TILE)}
 
@@ -172,7 +172,7 @@ class OnDisk(LabelStore):
             fresh.release()
 
     def _settled_before(self, now: Progress) -> list[int]:
-        """Checksums of what a pass leaves as it is, block by block."""
+        """Checksums of what a sweep leaves as it is, block by block."""
         if now.rows.bits is None:
             return []
         codes = []
@@ -224,6 +224,8 @@ def _write_examined(group: h5py.Group, examined: Examined) -> None:
     group["periods"] = np.array([period for _, period in examined.ends], np.int64)
     group["solved"] = np.array([end is not None for end in examined.ends.values()], bool)
     group["ends"] = np.array([nothing if end is None else end for end in examined.ends.values()]).reshape(-1, d)
+    group["lines"] = np.concatenate([np.empty((0, d)), *examined.lines])
+    group["points of lines"] = np.array([len(line) for line in examined.lines], np.int64)
 
 
 def _read_examined(group: h5py.Group, empty: Examined) -> Examined:
@@ -234,7 +236,16 @@ def _read_examined(group: h5py.Group, empty: Examined) -> Examined:
         (guess.tobytes(), int(period)): end if success else None
         for guess, period, success, end in zip(guesses, periods, solved, ends, strict=True)
     }
-    return replace(empty, points=array_of(group, "points", np.float64, (None, d)), ends=known)
+    lines: list[Floats] = []
+    if "lines" in group:  # files of 0.1 have none
+        points, counts = (
+            array_of(group, "lines", np.float64, (None, d)),
+            array_of(group, "points of lines", int, (None,)),
+        )
+        if (counts < 1).any() or counts.sum() != len(points):
+            raise ValueError(f"it has {len(points)} points of lines of {counts.tolist()}")
+        lines = np.split(points, np.cumsum(counts)[:-1]) if len(counts) else []
+    return replace(empty, points=array_of(group, "points", np.float64, (None, d)), ends=known, lines=lines)
 
 
 def describe_attractors(attractors: Sequence[Attractor]) -> str:

@@ -64,7 +64,7 @@ class LabelStore(ABC):
         """Give memory back whose contents are kept elsewhere."""
 
     def cut_short(self, now: Progress | None) -> InMemory:
-        """Return what is decided where a run has ended in some pass, before its end; None where it has no pass yet."""
+        """Return what is decided where a run has ended before its end, in some sweep; None where it has none yet."""
         kept = InMemory(self.shape)
         if now is not None:
             kept.labels[:], kept.times[:] = self.labels, self.times

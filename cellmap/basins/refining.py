@@ -23,8 +23,8 @@ from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, sort_key
 from .initial_conditions import InitialConditions
-from .passes import Run, label_store, new_numbers
 from .record import Basins
+from .run import Run, label_store, new_numbers
 from .strides import strided_tiles
 from .sweeps import Progress
 
@@ -76,7 +76,7 @@ class _Strides:
     def __init__(self, run: Run) -> None:
         self._run = run
         self._pass: Progress | None = None
-        self._left: list[int] = []  # tiles of each stride that are to do in the present pass
+        self._left: list[int] = []  # tiles of each stride that are to do in the present sweep
 
     def after(self, number: int) -> int:
         """Return the finest stride that is complete after a tile, twice the first one where none is."""

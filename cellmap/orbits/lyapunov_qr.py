@@ -11,7 +11,7 @@ from ..maps.point_map import PointMap
 from ..maps.tangent import NotDifferentiableError, tangent
 
 BLOCKS = 10
-"""Stretches of an orbit whose means tell the standard error; the first of as many is left out while frames align."""
+"""Stretches of an orbit whose means tell the standard error."""
 
 
 def is_positive(largest: Floats, errors: Floats) -> Bools:
@@ -22,7 +22,8 @@ def is_positive(largest: Floats, errors: Floats) -> Bools:
 def exponents_along(matrices: Floats) -> tuple[Floats, Floats]:
     """Return exponents (n, d) per step of orbits, the largest first, and their standard errors (n, d), by QR factors.
 
-    ``matrices`` (n, steps, d, d) are the derivatives of at least 20 steps.  The errors are those of the means over
+    ``matrices`` (n, steps, d, d) are the derivatives of at least 20 steps, of which the first tenth is
+    left out while frames align.  The errors are those of the means over
     stretches of the orbit (Benettin, Galgani, Giorgilli, Strelcyn 1980; Eckmann, Ruelle 1985).  NaN where a derivative
     is not finite.
 

@@ -138,7 +138,7 @@ def test_a_map_with_known_attractors_is_drawn_before_others_are_sought(monkeypat
         sought.append(len(given))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cellmap.basins.passes.search", seeking)
+    monkeypatch.setattr("cellmap.basins.run.search", seeking)
     frames = refine_basins(duffing(), WINDOW, attractors=whole.attractors)
     first = next(frames)
     assert first.stride == 8

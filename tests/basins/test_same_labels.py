@@ -70,7 +70,7 @@ def test_tiles_of_any_size_have_the_same_labels(monkeypatch):
     strobe, grid = stroboscopic_map(systems.driven_pendulum(amplitude=0.010)), circle_grid(500.0, 55)
     found = find_basins(strobe, grid)
     for size in (128, 8192):
-        monkeypatch.setattr("cellmap.basins.passes._INTEGRATED", (size, size))
+        monkeypatch.setattr("cellmap.basins.run._INTEGRATED", (size, size))
         again = find_basins(strobe, grid)
         assert np.array_equal(again.labels, found.labels)
         assert np.array_equal(again.settling_time, found.settling_time)

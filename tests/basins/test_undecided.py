@@ -26,7 +26,7 @@ from cellmap.attractors.equilibria import sticking_sets
 from cellmap.attractors.settling import RESIDENCE
 from cellmap.attractors.transients import Reason
 from cellmap.basins import passes as basin_passes
-from cellmap.basins.passes import _REPEATS, Run
+from cellmap.basins.run import _REPEATS, Run
 from cellmap.orbits import Kind
 
 LOGISTIC = systems.logistic_map(3.9)

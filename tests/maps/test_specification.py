@@ -37,6 +37,7 @@ from cellmap.maps import (
     swept_map,
 )
 from cellmap.maps.orbit_batch import Orbits
+from cellmap.maps.specification import _KINDS
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,10 @@ CASES = {
     "swept": (SYSTEM, lambda: swept_map(stroboscopic_map(SYSTEM, rtol=1e-6), "rate")),
 }
 INITIAL_CONDITIONS = np.random.default_rng(1).uniform(0.2, 0.9, (20, 3))
+
+
+def test_all_kinds_of_the_library_have_a_case() -> None:
+    assert {name for name, kind in _KINDS.items() if kind.__module__.startswith("cellmap.")} == set(CASES)
 
 
 def bits(point_map: PointMap) -> bytes:

@@ -1,9 +1,9 @@
 """Branch-free elementary functions as instructions, for vectors of lanes.
 
-Each function has the name and the meaning of its namesake in :mod:`math`, costs some twenty multiplications, and is
-right to about two units in the last place.  Arguments are reduced after Cody and Waite (1980): the divisor is split
-into parts whose leading ones have so few bits that the product with the quotient is exact.  The polynomials are
-Chebyshev fits, with relative error below 3e-19 before rounding.
+Each function has the name and the meaning of its namesake in :mod:`math`, of an operator or of a NumPy function, costs
+some twenty multiplications, and is right to about two units in the last place.  Arguments are reduced after Cody and
+Waite (1980): the divisor is split into parts whose leading ones have so few bits that the product with the quotient is
+exact.  The polynomials are Chebyshev fits, with relative error below 3e-19 before rounding.
 
 What is called ``seldom`` is the C library, for the lanes that meet a condition, and not at all where none does.
 """

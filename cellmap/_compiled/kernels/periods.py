@@ -19,9 +19,10 @@ from .step_numbers import DIVERGED as NOT_FINITE
 from .step_numbers import MISSED, next_rungs, sort_by_rung
 
 INACCURATE, ESCAPED, DIVERGED, OUT_OF_STEPS = 1, 2, 3, 5
+"""What :class:`cellmap.maps.orbit_batch.Status` says of an orbit, as the numbers that kernels write."""
+
 FARTHEST_STATE = 1e100
 """Size of a coordinate from which on an orbit has diverged: the squares of errors overflow from 1e154 on."""
-"""What :class:`cellmap.maps.orbit_batch.Status` says of an orbit, as the numbers that kernels write."""
 
 UNCHECKED, CHOSEN, COMPARED, DIFFERED = range(4)
 """Whether an orbit is integrated with a second number of steps: no, yes, it was, or with more still."""

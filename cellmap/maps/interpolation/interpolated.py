@@ -56,8 +56,8 @@ def interpolated_map(
     grid : CellGrid
         Cells between the nodes.  An axis that covers one period of an angle is periodic.  Along other axes images are
         also computed at some nodes beyond the ends, so that the map is accurate up to the edge of the window.
-    order : {5, 3, 1}
-        Degree of the B-splines; 1 is Tongue and Gu's bilinear method.
+    order : {5, 3, 1}, optional
+        Degree of the B-splines, by default 5; 1 is Tongue and Gu's bilinear method.
     outside : {"integrate", "escape"}
         Treatment of an orbit that leaves the window.  By default it is continued with the exact map until it returns,
         so that no orbit escapes, and attractors outside the window keep their basins.  With "escape" it terminates with
@@ -93,6 +93,11 @@ def interpolated_map(
         If a checkpoint does not fit on the disk.
     StoreError
         For a checkpoint that is damaged or in use by another run, or a file of another kind.
+
+    Warns
+    -----
+    UserWarning
+        If more than half of the cells are fallback cells.
 
     References
     ----------
@@ -171,7 +176,7 @@ class Interpolated(MapSpec[PointMap]):
     cost: Cost = Cost()
 
     def make(self, progress: bool = False) -> PointMap:
-        """Return the map, without its specification."""
+        """Return the map, from the table where there is one."""
         exact, table, outside = self.exact, self.table, self.outside
         if table is None:
             return interpolated_map(exact, self.grid, self.order, outside, self.tolerance, progress, self.max_step)

@@ -30,7 +30,7 @@ def test_a_checkpoint_changes_nothing(name, plain, tmp_path):
 
 def test_the_same_call_reads_what_is_finished(plain, finished, tmp_path, monkeypatch):
     path = Path(shutil.copy(finished, tmp_path))
-    monkeypatch.setattr("cellmap.basins.passes.search", lambda *_: pytest.fail("searched again"))
+    monkeypatch.setattr("cellmap.basins.run.search", lambda *_: pytest.fail("searched again"))
     again = CASES["one pass"](checkpoint=path)
     assert_same(again, plain["one pass"])
     assert again.verify(50).wrong == 0

@@ -69,14 +69,14 @@ def test_memory_does_not_grow_with_the_number_of_initial_conditions(tmp_path):
 @pytest.mark.slow
 def test_states_that_are_too_many_to_be_kept_are_computed_again(name, plain, tmp_path, monkeypatch):
     """Where all that is left can be looked at, forgetting its states changes nothing."""
-    monkeypatch.setattr("cellmap.basins.passes._joined", lambda *_: None)
+    monkeypatch.setattr("cellmap.basins.run._joined", lambda *_: None)
     assert_same(CASES[name](), plain[name])
     assert_same(CASES[name](checkpoint=tmp_path / "b.h5"), plain[name])
 
 
 def test_of_very_many_that_are_left_a_part_is_searched(plain, tmp_path, monkeypatch):
-    monkeypatch.setattr("cellmap.basins.passes.HELD", 100)
-    monkeypatch.setattr("cellmap.basins.passes._LOOKED_AT", 50)
+    monkeypatch.setattr("cellmap.basins.run.HELD", 100)
+    monkeypatch.setattr("cellmap.basins.run._LOOKED_AT", 50)
     found = CASES["small basins"]()
     assert_same(CASES["small basins"](checkpoint=tmp_path / "b.h5"), found)
     assert {str(a) for a in found.attractors} <= {str(a) for a in plain["small basins"].attractors}

@@ -14,7 +14,9 @@ from interrupted_files import READERS, halves
 
 from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, load_basins, save_basins
 from cellmap._lib.sealed import get_mapping, put_text, seal
+from cellmap.attractors.examined import Examined
 from cellmap.basins import recompute_basins
+from cellmap.basins.label_file import _read_examined, _write_examined
 
 
 def renamed_text(group: h5py.Group, name: str, names: dict[str, str]) -> None:
@@ -50,6 +52,26 @@ def test_an_older_run_goes_on(pass_: str, files: Path, tmp_path: Path) -> None:
             del attributes[now]
     seal(path)
     assert READERS[pass_](path) == READERS["finished"](files / "finished.h5")
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_what_was_tried_comes_back_with_its_lines(count: int, tmp_path: Path) -> None:
+    """Lines that do not attract are counted by a search; files of 0.1 had none of them."""
+    rng, point_map = np.random.default_rng(0), discrete_map(lambda x, p: (x[0] / 2, x[1]), {}, ("x", "y"))
+    tried = Examined.nothing_yet(point_map, np.ones(2))
+    tried.refuse(rng.normal(size=(4, 2)))
+    tried.lines += [rng.normal(size=(k + 2, 2)) for k in range(count)]
+    with h5py.File(tmp_path / "tried.h5", "w") as file:
+        _write_examined(file.create_group("now"), tried)
+        again = _read_examined(file["now"], Examined.nothing_yet(point_map, np.ones(2)))
+        assert [line.tobytes() for line in again.lines] == [line.tobytes() for line in tried.lines]
+        assert again.points.tobytes() == tried.points.tobytes()
+        if count:
+            file["now/points of lines"][0] = 99
+            with pytest.raises(ValueError, match="points of lines"):
+                _read_examined(file["now"], Examined.nothing_yet(point_map, np.ones(2)))
+        del file["now/lines"], file["now/points of lines"]
+        assert _read_examined(file["now"], Examined.nothing_yet(point_map, np.ones(2))).lines == []
 
 
 def test_an_older_argument_is_accepted_with_a_warning() -> None:

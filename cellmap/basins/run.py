@@ -78,7 +78,7 @@ class Run:
         in a row than a fixed number; the others double the time limit, up to the periods that are allowed.
         """
         try:
-            yield from self._passes(list(known))
+            yield from self._sweeps(list(known))
         except Stopped:
             return
         self.complete = True
@@ -133,7 +133,7 @@ class Run:
             point_map=point_map,
         )
 
-    def _passes(self, known: list[Attractor]) -> Iterator[int]:
+    def _sweeps(self, known: list[Attractor]) -> Iterator[int]:
         self.stop.check()
         total = len(self.initial_conditions)
         few = np.arange(total) if total <= _SAMPLE else np.random.default_rng(0).choice(total, _SAMPLE, replace=False)
