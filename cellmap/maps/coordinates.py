@@ -143,20 +143,28 @@ def in_turn(values: Floats, lower: Floats | float, turn: Floats | float) -> Floa
 
     A number that is there stays as it is.
     """
-    upper, around = np.add(lower, turn), np.where(np.greater(turn, 0.0), turn, inf)
+    circle = _is_circle(turn)
+    upper, around = lower + turn, turn if circle else np.where(np.greater(turn, 0.0), turn, inf)
     with np.errstate(invalid="ignore"):
-        whole = np.floor(np.subtract(values, lower) / around)
+        whole = np.floor((values - lower) / around)
         turned = np.maximum(values - np.where(np.abs(whole) < MOST_TURNS, whole, nan) * turn, lower)
-        stays = np.less_equal(turn, 0.0) | ((values >= lower) & (values < upper))
+        stays = (values >= lower) & (values < upper)
+        if not circle:
+            stays |= np.less_equal(turn, 0.0)
     return np.asarray(np.where(stays, values, np.where(turned >= upper, lower, turned)))
 
 
 def shortest(differences: Floats, turn: Floats | float) -> Floats:
     """Return differences, on circles the shorter way round; a period of 0 stands for the line."""
-    wraps = np.greater(turn, 0.0)
+    around = turn if _is_circle(turn) else np.where(np.greater(turn, 0.0), turn, 1.0)
     with np.errstate(invalid="ignore"):
-        whole = np.where(wraps, turn * np.round(differences / np.where(wraps, turn, 1.0)), 0.0)
-    return np.asarray(differences - whole)
+        whole = turn * np.round(differences / around)
+    return np.asarray(differences - (whole if around is turn else np.where(np.greater(turn, 0.0), whole, 0.0)))
+
+
+def _is_circle(turn: Floats | float) -> bool:
+    """Tell whether there is one circle, of which a single number needs no look at each coordinate."""
+    return isinstance(turn, float) and turn > 0.0
 
 
 def wrap(points: Floats, coordinates: Sequence[Coordinate]) -> Floats:
