@@ -31,8 +31,10 @@ OF_USERS: dict[str, Any] = {
 ``fastmath={"contract"}`` allows fused multiply-add and nothing else: full fastmath would delete tests for NaN.
 """
 
-_FUNCTION = "void(f8, CPointer(f8), CPointer(f8), CPointer(f8))"
-"""Numba's signature of a function of time, states and parameters, which writes its values to the last address."""
+_FUNCTION = "void(f8, CPointer(f8), CPointer(f8), CPointer(f8), i8)"
+"""Numba's signature of a function of time, states and parameters, which writes its values to the last address.
+
+The number of lanes is an argument: a loop that is not written out computes once what is the same in all of them."""
 
 
 def compiled_untraced(
@@ -73,7 +75,7 @@ def _prepared(out: Instructions, dimension: int) -> Call:
     def call(t: Value, x: Values) -> list[Value]:
         for j, state in enumerate(x):
             out.store(out.as_vector(state), out.address(inputs, j * out.width))
-        out.write(f"call void {function}(double {t.text}, ptr {inputs}, ptr %p, ptr {outputs})")
+        out.write(f"call void {function}(double {t.text}, ptr {inputs}, ptr %p, ptr {outputs}, i64 {out.width})")
         return [out.load(out.address(outputs, j * out.width), vector=True) for j in range(dimension)]
 
     return call
@@ -87,12 +89,14 @@ def _compiled(function: Callable[..., Any], dimension: int, names: tuple[str, ..
     table = {"int": compiler(_whole), "floor": np.floor}
     values, places = [f"y{j}" for j in range(dimension)], [f"i + {j * width}" for j in range(dimension)]
     state = "".join(f"x[{place}], " for place in places)
+    # Read before the loop, lest they seem to change with what is written in it.
     given = f"Parameters({''.join(f'p[{i}], ' for i in range(len(names)))})" if names else "()"
     lines = [
-        "def called(t, x, p, y):",
-        f"    for i in range({width}):",
+        "def called(t, x, p, y, lanes):",
+        f"    parameters = {given}",
+        "    for i in range(lanes):",
         "        try:",
-        f"            {', '.join(values)}, = rhs(t, ({state}), {given})",
+        f"            {', '.join(values)}, = rhs(t, ({state}), parameters)",
         "        except Exception:",
         *(f"            {value} = nan" for value in values),
         *(f"        y[{place}] = {value}" for place, value in zip(places, values, strict=True)),
