@@ -1,4 +1,4 @@
-"""Basins come to an end: known chaotic attractors are recognised, passes are bounded, undecided orbits have reasons."""
+"""Basins come to an end: known chaotic attractors are recognised, sweeps are bounded, undecided orbits have reasons."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from cellmap.attractors.chaos import Examination, examine
 from cellmap.attractors.equilibria import sticking_sets
 from cellmap.attractors.settling import RESIDENCE
 from cellmap.attractors.transients import Reason
-from cellmap.basins import passes as basin_passes
+from cellmap.basins import run
 from cellmap.basins.run import _REPEATS, Run
 from cellmap.orbits import Kind
 
@@ -35,8 +35,8 @@ LINE, PLANE = CellGrid((0.0,), (1.0,), (50,)), CellGrid((-0.5, -0.2), (0.5, 0.2)
 
 
 @pytest.fixture
-def passes(monkeypatch):
-    """The passes of a run, as they are made."""
+def sweeps(monkeypatch):
+    """The sweeps of a run, as they are made."""
     made = []
     label = Run._label
 
@@ -69,10 +69,10 @@ FADING_FROM = np.random.default_rng(0).uniform([-0.1, -0.1, 1.0], [0.1, 0.1, 1.0
 
 @pytest.mark.parametrize("max_periods", [5, 33, 64, 65])
 @pytest.mark.parametrize(("chaotic", "grid"), [(LOGISTIC, LINE), (HENON, PLANE)], ids=["logistic", "Henon"])
-def test_a_known_chaotic_attractor_is_recognised(chaotic, grid, max_periods, passes) -> None:
+def test_a_known_chaotic_attractor_is_recognised(chaotic, grid, max_periods, sweeps) -> None:
     """Nothing can stay for 64 periods within fewer; from 65 on everything is decided."""
     basins = find_basins(chaotic, grid, max_periods=max_periods)
-    assert len(passes) <= 3
+    assert len(sweeps) <= 3
     assert len(basins.attractors) <= 1
     if max_periods < RESIDENCE - 1:
         assert (basins.labels == Label.UNDECIDED).all()
@@ -82,10 +82,10 @@ def test_a_known_chaotic_attractor_is_recognised(chaotic, grid, max_periods, pas
     assert sum(basins.undecided.values()) == min(np.count_nonzero(basins.labels == Label.UNDECIDED), 32)
 
 
-def test_chaotic_transients_to_known_chaotic_attractors_are_no_attractors(passes) -> None:
+def test_chaotic_transients_to_known_chaotic_attractors_are_no_attractors(sweeps) -> None:
     """From s = 0.19 an orbit is more than 0.1 away from 1 for 600 periods; none is assigned to the other side."""
     basins = find_basins(TWOFOLD, CREEPING, max_periods=300)
-    assert len(passes) <= 4
+    assert len(sweeps) <= 4
     assert [a.kind for a in basins.attractors] == [Kind.CHAOTIC] * 2
     s = CREEPING.centres()[..., 2]
     decided = basins.labels >= 0
@@ -105,30 +105,30 @@ SEVENFOLD = {"a": 0.5, "b": 0.8558269832960217, "d": 0.19161137246192342, "g": 0
 
 @pytest.mark.slow
 @pytest.mark.parametrize("max_periods", [600, 2000])
-def test_two_wells_with_long_transients(max_periods, passes) -> None:
+def test_two_wells_with_long_transients(max_periods, sweeps) -> None:
     """Two attractors of seven bands each; along both the largest exponent is 0.083 (2,000 periods, six orbits)."""
     w = 0.7992158982633143
     two_wells = stroboscopic_map(ForcedSystem(duffing, SEVENFOLD | {"w": w}, 2 * pi / w, ("q", "v")))
     basins = find_basins(two_wells, CellGrid((-1.8, -1.8), (1.8, 1.8), (30, 30)), max_periods)
-    assert len(passes) <= 8
+    assert len(sweeps) <= 8
     assert [a.kind for a in basins.attractors] == [Kind.CHAOTIC] * 2
     assert [a.exponents[0] for a in basins.attractors] == pytest.approx([0.083, 0.083], abs=0.01)
     assert set(basins.undecided) <= {Reason.TRANSIENT, Reason.KNOWN, Reason.REGULAR, Reason.VISITING}
 
 
-def test_passes_are_bounded_whatever_is_found(passes, monkeypatch) -> None:
+def test_sweeps_are_bounded_whatever_is_found(sweeps, monkeypatch) -> None:
     """A search that claims a new attractor each time: a pass that decides nothing new is the last."""
-    real = basin_passes.examine
+    real = run.examine
 
     def credulous(point_map, states, extent, known, age, late):
         return real(point_map, states, extent, (), age, late)
 
-    monkeypatch.setattr(basin_passes, "examine", credulous)
+    monkeypatch.setattr(run, "examine", credulous)
     find_basins(LOGISTIC, LINE, max_periods=20)
-    assert len(passes) == 2
+    assert len(sweeps) == 2
 
 
-def test_passes_are_bounded_where_each_decides_one_more(passes, monkeypatch) -> None:
+def test_sweeps_are_bounded_where_each_decides_one_more(sweeps, monkeypatch) -> None:
     """Points that stay where they are, of which each look declares one an attractor."""
     still = discrete_map(lambda x, p: (x[0],), {}, ("x",))
     half = discrete_map(lambda x, p: (0.5 * x[0],), {}, ("x",))
@@ -139,9 +139,9 @@ def test_passes_are_bounded_where_each_decides_one_more(passes, monkeypatch) -> 
         here = replace(sink.neighbourhood, centres=states[:1].copy(), metrics=np.full((1, 1, 1), 1e16))
         return Examination((replace(sink, points=states[:1].copy(), neighbourhood=here),), ())
 
-    monkeypatch.setattr(basin_passes, "examine", credulous)
+    monkeypatch.setattr(run, "examine", credulous)
     basins = find_basins(still, CellGrid((0.1,), (1.0,), (100,)), max_periods=20)
-    assert len(passes) == _REPEATS + 1
+    assert len(sweeps) == _REPEATS + 1
     assert len(basins.attractors) == _REPEATS
 
 
@@ -259,7 +259,7 @@ def test_a_sink_far_away_from_a_tiny_window() -> None:
 
 
 @pytest.mark.slow
-def test_sinks_of_a_tiny_window_are_listed_once(passes) -> None:
+def test_sinks_of_a_tiny_window_are_listed_once(sweeps) -> None:
     """Around the repelling fixed point at 0 a 60 x 60 window reaches 24 sinks, all at odd multiples of pi."""
     basins = find_basins(SINKS, CellGrid((-TINY, -TINY), (TINY, TINY), (60, 60)))
     assert {a.kind for a in basins.attractors} == {Kind.FIXED_POINT}
@@ -267,4 +267,4 @@ def test_sinks_of_a_tiny_window_are_listed_once(passes) -> None:
     assert places == pytest.approx(np.round(places), abs=1e-9)
     assert (np.round(places) % 2 == 1).all()
     assert len(set(np.round(places))) == len(places) == 24
-    assert len(passes) <= 3 * (_REPEATS + 1)
+    assert len(sweeps) <= 3 * (_REPEATS + 1)
