@@ -14,8 +14,10 @@ from ..maps.point_map import PointMap
 from ..maps.tangent import jacobian
 from ..orbits.attractor import Attractor, Neighbourhood
 from ..orbits.ellipsoids import directions, displaced, eigenvector_metrics, summed_metric
+from .lyapunov_regions import lyapunov_neighbourhood
 from .settling import path_of
 
+_SAMPLED = 4  # dimensions, at most, in which surfaces are sampled densely
 _DIRECTIONS = 96  # on a circle
 _FINE = {1: 1.01, 2: 1.0 + 2 * np.pi / _DIRECTIONS}  # from one shell to the next; else 1.1
 _AHEAD = 8  # shells to which radii are chosen at once,
@@ -72,6 +74,9 @@ def trapping_neighbourhood(point_map: PointMap, attractor: Attractor, extent: Fl
     origin.  Where rounding hides what the map does in the neighbourhood of a point, as it may on a long superstable
     cycle, the ellipsoid is one that the map is seen to take into that of a later point.
 
+    In more than four dimensions regions come from Lyapunov functions and few images, see
+    :func:`lyapunov_neighbourhood`.
+
     None where even the smallest ellipsoid fails around every point, as it does where the largest multiplier is too
     close to 1.
     """
@@ -85,6 +90,8 @@ def trapping_neighbourhood(point_map: PointMap, attractor: Attractor, extent: Fl
     periods = rounds * attractor.period
     contraction = 0.5 * (1.0 + float(np.abs(attractor.multipliers[0])) ** rounds)
     steps = jacobian(exact, attractor.points)
+    if exact.dimension > _SAMPLED:
+        return lyapunov_neighbourhood(exact, attractor, steps, limit)
     slow = _slowest(steps)
     begun, hidden, preferred = dict[int, _Shells](), dict[int, _Shells](), 0
     for k, centre in enumerate(attractor.points):

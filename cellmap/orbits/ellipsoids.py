@@ -69,6 +69,27 @@ def summed_metric(matrix: Floats, contraction: float) -> Floats:
     return np.asarray(0.5 * (total + total.T))
 
 
+def lyapunov_forms(steps: Floats, rate: float) -> Floats:
+    """Return forms (period, d, d) along a periodic orbit in which each linear step (period, d, d) contracts by a rate.
+
+    They are the solution of the periodic discrete Lyapunov equation ``steps[k].T @ forms[k + 1] @ steps[k] / rate**2 =
+    forms[k] - 1``, by doubling: O(period d^3).
+    """
+    last = np.eye(steps.shape[-1])
+    total, through = np.zeros_like(last), last
+    for step in steps:
+        total = total + through.T @ through
+        through = step @ through / rate
+    while np.abs(through).max() > 1e-9 and np.abs(total).max() < 1e200:
+        total = total + through.T @ total @ through
+        through = through @ through
+    forms, later = [0.5 * (total + total.T)], total
+    for step in steps[:0:-1]:
+        later = last + step.T @ later @ step / rate**2
+        forms.append(0.5 * (later + later.T))
+    return np.array(forms[:1] + forms[:0:-1])
+
+
 def directions(dimension: int, around: int, beyond: int) -> Floats:
     """Return unit vectors that cover the sphere: exact steps around a circle, a fixed random set beyond the plane."""
     if dimension == 1:

@@ -1,0 +1,124 @@
+"""Trapping regions from Lyapunov functions: quadratic forms that fall along orbits, and a bound of the remainder."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._lib.arrays import Floats
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Attractor, Neighbourhood
+from ..orbits.ellipsoids import directions, displaced, lyapunov_forms
+
+_SAFETY = 2.0  # times the nonlinear remainder that is seen has to fit into the contraction margin
+_WORST = 8  # directions whose sums and differences are looked at as well
+_ATTEMPTS = 16  # radii that are tried
+_SMALLEST = 1e-10  # radius, in units of the limits
+_LARGE = 0.25  # part of the margin from which smaller surfaces are looked at
+_INSIDE = 4  # of them at most, each half as wide
+
+
+def lyapunov_neighbourhood(exact: PointMap, attractor: Attractor, steps: Floats, limit: Floats) -> Neighbourhood | None:
+    """Return ellipsoids around the points of a periodic attractor, each of which the map takes into the next one.
+
+    ``steps`` (period, d, d) are the derivatives of the map at its points, ``limit`` (d,) the largest half-widths.  The
+    forms are solutions of the discrete Lyapunov equation along the orbit, in O(period d^3), so that the linear steps
+    shorten lengths by a known factor.  The nonlinear remainder is seen in some directions: those in which an ellipsoid
+    is widest along each coordinate, its axes, as many at random, and sums and differences of those that are worst.
+    Twice the largest one has to fit into the contraction margin, on the surface and on smaller ones, down to where it
+    is small against the margin.  A radius is foreseen from the remainder of the one before, so that all this takes some
+    ten images for each direction.
+
+    None where no ellipsoid is found, as it is where the largest multiplier is too close to 1.
+
+    References
+    ----------
+    Khalil, *Nonlinear Systems* (2002), 8.2 (regions of attraction by quadratic forms).
+    """
+    scaled = steps * limit / limit[:, None]
+    rate = float((0.5 * (1.0 + np.abs(attractor.multipliers[0]))) ** (1.0 / attractor.period))
+    surfaces = _Surfaces(exact, attractor.points, scaled, lyapunov_forms(scaled, rate), rate, limit)
+    radius, before = 1.0, np.inf
+    for _ in range(_ATTEMPTS):
+        part = surfaces.part_of_margin(radius)
+        if part <= 1.0:
+            within = _smallest_failing(surfaces, radius, part)
+            if not within:
+                return surfaces.neighbourhood(radius, part)
+            radius = within
+        elif before < part < np.inf:
+            return None  # rounding, which rises as the radius falls
+        radius *= float(np.clip(0.8 / part, 1.0 / 16.0, 0.5))
+        before = part
+        if radius < _SMALLEST:
+            break
+    return None
+
+
+def _smallest_failing(surfaces: _Surfaces, radius: float, part: float) -> float:
+    """Return the radius of a surface within one that passes on which the remainder does not fit; 0 for none."""
+    for _ in range(_INSIDE):
+        if part <= _LARGE:
+            break
+        radius *= 0.5
+        part = surfaces.part_of_margin(radius)
+        if part > 1.0:
+            return radius
+    return 0.0
+
+
+class _Surfaces:
+    """Surfaces of ellipsoids around the points of an attractor, in units of the limits."""
+
+    def __init__(
+        self, exact: PointMap, points: Floats, steps: Floats, forms: Floats, rate: float, limit: Floats
+    ) -> None:
+        self.exact, self.points, self.steps, self.forms, self.limit = exact, points, steps, forms, limit
+        self.later = np.roll(forms, -1, axis=0)
+        values, axes = np.linalg.eigh(forms)
+        roots = axes / np.sqrt(values)[:, None, :]  # unit sphere -> unit ellipsoid
+        taken = self.steps @ roots
+        growth = np.linalg.eigvalsh(taken.transpose(0, 2, 1) @ self.later @ taken)[:, -1]
+        self.linear = np.sqrt(np.maximum(growth, 0.0))
+        self.margin = 0.5 * (1.0 + rate) - self.linear
+        d = points.shape[1]
+        random = np.broadcast_to(directions(d, 2 * d, d), (len(points), d, d)).transpose(0, 2, 1)
+        # The point of an ellipsoid that is farthest along a coordinate.
+        inverse = roots @ roots.transpose(0, 2, 1)
+        farthest = inverse / np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))[:, None, :]
+        half = np.concatenate([roots, farthest, roots @ random], axis=-1).transpose(0, 2, 1)
+        self.offsets = np.concatenate([half, -half], axis=1)
+
+    def part_of_margin(self, radius: float) -> float:
+        """Return the nonlinear remainder on surfaces of a radius, times what makes it safe, in contraction margins.
+
+        It is inf where a point has no image.
+        """
+        rest = self._remainders(self.offsets, radius)
+        worst = np.argsort(-rest, axis=1)[:, :_WORST]
+        chosen = np.take_along_axis(self.offsets, worst[..., None], axis=1)
+        first, second = np.triu_indices(chosen.shape[1], 1)
+        sums = np.concatenate([chosen[:, first] + chosen[:, second], chosen[:, first] - chosen[:, second]], axis=1)
+        lengths = self._norm(sums, self.forms)[..., None]
+        more = self._remainders(np.where(lengths > 1e-6, sums / np.maximum(lengths, 1e-6), chosen[:, :1]), radius)
+        return float((_SAFETY * np.maximum(rest.max(axis=1), more.max(axis=1)) / self.margin).max())
+
+    def _remainders(self, offsets: Floats, radius: float) -> Floats:
+        """Return the lengths (period, n) of what images differ by from those of the linear map, in radii."""
+        shifts = radius * offsets
+        periods = np.ones(len(self.points), np.int64)
+        ends = np.roll(self.points, -1, axis=0)
+        after, alive = displaced(self.exact, self.points, shifts * self.limit, periods, ends)
+        rest = after / self.limit - np.einsum("pij,pnj->pni", self.steps, shifts)
+        sizes = self._norm(rest, self.later) / radius
+        return np.where(alive & np.isfinite(sizes), sizes, np.inf)
+
+    @staticmethod
+    def _norm(vectors: Floats, forms: Floats) -> Floats:
+        with np.errstate(invalid="ignore", over="ignore"):
+            return np.asarray(np.sqrt(np.maximum(np.einsum("pni,pni->pn", vectors @ forms, vectors), 0.0)))
+
+    def neighbourhood(self, radius: float, part: float) -> Neighbourhood:
+        """Return the region of a radius."""
+        factors = self.linear + part / _SAFETY * self.margin
+        metrics = self.forms / radius**2 / np.outer(self.limit, self.limit)
+        return Neighbourhood(self.points, metrics, float(np.prod(factors)))
