@@ -30,6 +30,9 @@ declare double @llvm.pow.f64(double, double)
 """ + "".join(f"declare double @llvm.{name}.f64(double)\n" for name in ("sqrt", "floor", "log", "fabs"))
 _NO_VECTORS = '!0 = distinct !{!0, !1}\n!1 = !{!"llvm.loop.vectorize.enable", i1 false}\n'
 
+_LARGE = 150
+"""Lines of a function that is not inlined: LLVM would put it into its only caller, and compile that for longer."""
+
 
 @dataclass(frozen=True)
 class Callee:
@@ -205,7 +208,7 @@ def _definition(callee: Callee, body: Statements, names: list[str], kinds: tuple
             whole = w.value(f"insertvalue {text} {whole}, {t} {register}, {k}")
         found = [whole]
     w.write(f"ret {text} {found[0]}" if found else "ret void")
-    attributes = "alwaysinline nounwind" if is_inlined else "nounwind"
-    head = f"define internal {text} @{callee.name}({', '.join([*given, 'ptr %failure'])}) {attributes} {{"
+    where = "alwaysinline " if is_inlined else "noinline " if len(w.lines) > _LARGE else ""
+    head = f"define internal {text} @{callee.name}({', '.join([*given, 'ptr %failure'])}) {where}nounwind {{"
     first = [*w.first, *body.conversions, *stores, "  br label %begin", "begin:"]
     return "\n".join([head, *first, *w.lines, *body.refusals, "}", ""])
