@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._compiled.kernels import labelling
-from .._compiled.kernels.capture import LOOKED_AT, Covers, Regions, ellipsoids_of
+from .._compiled.kernels.capture import BITS, LOOKED_AT, Covers, Regions, Sieve, ellipsoids_of
 from .._compiled.kernels.labelling import POOL, Limits, Outcome, Rows, Scratch
 from .._lib.arrays import Floats, Ints
+from .._lib.computed import computed_once
 from .._lib.stopping import Stop
 from .._lib.threads import results_of, run_over, slices
 from ..maps.compiled_advance import UNKNOWN_STEP, CompiledAdvance, recorded
@@ -27,6 +28,8 @@ RESIDENCE = 64
 """Consecutive periods inside the cover of a chaotic attractor after which an orbit counts as converged."""
 
 _PART = 128  # orbits of a thread at a time, where few are followed
+_MANY = 32  # ellipsoids from which on a sieve tells which of them may hold a point
+_BINS = 256  # of a sieve along each axis
 _UNSEEN = 64  # most periods at a time where nothing can capture an orbit
 
 Rule = Callable[[Floats], Ints]
@@ -80,9 +83,36 @@ class Catalogue:
         shift = shortest(points[:, None, :] - self.regions.centres, self.turn)
         return np.asarray(np.sqrt(np.einsum("nmi,mij,nmj->nm", shift, self.regions.metrics, shift)).min(axis=1))
 
+    @computed_once
+    def sieve(self) -> Sieve:
+        """Which ellipsoids may hold a point, by its coordinates; without words where they are few."""
+        return _sieve(self.regions, self.turn)
+
     def shrunk(self, factor: float) -> Catalogue:
         """Return the catalogue with smaller neighbourhoods."""
         return replace(self, regions=self.regions._replace(metrics=self.regions.metrics / factor**2))
+
+
+def _sieve(regions: Regions, turn: Floats) -> Sieve:
+    """Return the bins along each axis that the bounding boxes of ellipsoids meet, widened by a bin at either side."""
+    number, d = regions.centres.shape
+    if number < _MANY:
+        return Sieve(np.zeros(d), np.ones(d), np.zeros(d, np.int64), np.zeros((d, _BINS, 0), np.int64))
+    reach = np.sqrt(np.einsum("njj->nj", np.linalg.inv(regions.metrics)))
+    low, high = regions.centres - reach, regions.centres + reach
+    span = np.maximum((high - low).max(axis=0), np.ptp(np.concatenate([low, high]), axis=0))
+    inverse = _BINS / np.where(turn > 0, turn, span * (1.0 + 4.0 / _BINS))
+    origin = np.where(turn > 0, 0.0, low.min(axis=0) - 2.0 / inverse)
+    first, last = (np.floor((ends - origin) * inverse) for ends in (low, high))
+    bins = np.arange(_BINS)[:, None, None]
+    where = np.where(turn > 0, (bins - first + 1) % _BINS, bins - first + 1)
+    met = (where >= 0) & (where <= last - first + 2)
+    words = -(-number // BITS)
+    padded = np.zeros((_BINS, words * BITS, d), np.int64)
+    padded[:, :number] = met
+    bits = (padded.reshape(_BINS, words, BITS, d) << np.arange(BITS)[:, None]).sum(axis=2)
+    around = np.where(turn > 0, _BINS, 0)
+    return Sieve(origin, inverse, around, np.ascontiguousarray(np.moveaxis(bits, -1, 0)))
 
 
 def _boxes(covers: Sequence[tuple[int, Cover, Ints]], turn: Floats) -> Covers:
@@ -254,7 +284,7 @@ def _labelled(
         _tell(rule, outcome, np.arange(n), orbits)
     places = labelling.Work(pool, waiting, scratch, counts)
     while True:
-        reason = labelling.label(step, catalogue.regions, catalogue.boxes, limits, outcome, places)
+        reason = labelling.label(step, catalogue.regions, catalogue.sieve, catalogue.boxes, limits, outcome, places)
         if reason == labelling.FINISHED:
             break
         if stop is not None:

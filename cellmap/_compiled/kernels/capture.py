@@ -16,6 +16,9 @@ LOOKED_AT = 256
 AT_REST = 1e-13
 """Largest move in a period, relative to 1 or to the point, of an orbit that rests."""
 
+BITS = 62
+"""Ellipsoids of a word of a sieve, whose sign stays free."""
+
 _FARTHEST = 2.0**40  # boxes from the first one; what has no finite place is there
 
 
@@ -25,6 +28,20 @@ class Regions(NamedTuple):
     centres: NDArray[np.float64]
     metrics: NDArray[np.float64]
     owners: NDArray[np.int64]
+
+
+class Sieve(NamedTuple):
+    """Which of many ellipsoids may hold a point: those whose bits are set in its bins along all axes.
+
+    ``origin``: edge of the first bin; ``inverse``: bins per unit; ``around``: bins in the period of an angle, 0 on the
+    line, where no ellipsoid is beyond the bins; ``bits`` (d, bins, words), BITS of each word; no words where there are
+    so few ellipsoids that all of them are tried.
+    """
+
+    origin: NDArray[np.float64]
+    inverse: NDArray[np.float64]
+    around: NDArray[np.int64]
+    bits: NDArray[np.int64]
 
 
 class Covers(NamedTuple):
@@ -83,6 +100,63 @@ def ellipsoids_of(points, begin, count, regions, turn, places, distances, found)
         for i in range(count):
             if distances[i] <= 1.0 and found[i] < 0:
                 found[i] = owner
+
+
+@loop
+def sifted(points, begin, count, regions, sieve, turn, found):
+    """Write what :func:`ellipsoids_of` does, by trying only the ellipsoids that a sieve lets through."""
+    d, last = points.shape[1], sieve.bits.shape[1] - 1
+    bins = np.empty(d, np.int64)
+    for i in range(count):
+        found[i] = -1
+        somewhere = True
+        for j in range(d):
+            place = np.floor((points[begin + i, j] - sieve.origin[j]) * sieve.inverse[j])
+            somewhere &= abs(place) < _FARTHEST  # neither is NaN
+            if somewhere:
+                bins[j] = np.int64(place)
+                if sieve.around[j] > 0:
+                    bins[j] %= sieve.around[j]
+                somewhere = 0 <= bins[j] <= last
+        if somewhere:
+            found[i] = _first_to_hold(points, begin + i, regions, sieve, turn, bins)
+
+
+@inlined
+def _first_to_hold(points, r, regions, sieve, turn, bins):
+    """Return the owner of the first ellipsoid that holds row r, whose bins are given, -1 where there is none."""
+    for word in range(sieve.bits.shape[2]):
+        left, m = sieve.bits[0, bins[0], word], word * BITS
+        for j in range(1, bins.size):
+            left &= sieve.bits[j, bins[j], word]
+        while left != 0:
+            if left & 255 == 0:
+                left >>= 8
+                m += 8
+                continue
+            if left & 1 != 0 and _distance(points, r, regions, m, turn) <= 1.0:
+                return regions.owners[m]
+            left >>= 1
+            m += 1
+    return np.int64(-1)
+
+
+@inlined
+def _distance(points, r, regions, m, turn):
+    """Return the square of the distance of row r from the centre of an ellipsoid, in its metric."""
+    total = 0.0
+    for j in range(points.shape[1]):
+        x = _shift(points, r, regions, m, turn, j)
+        total += regions.metrics[m, j, j] * x * x
+        for k in range(j):
+            total += 2.0 * regions.metrics[m, j, k] * x * _shift(points, r, regions, m, turn, k)
+    return total
+
+
+@inlined
+def _shift(points, r, regions, m, turn, j):
+    x = points[r, j] - regions.centres[m, j]
+    return shortest(x, turn[j]) if turn[j] > 0.0 else x
 
 
 @inlined

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..loops import inlined, loop
 from .blocks import place_of
 from .calls import call_look_up
-from .capture import LOOKED_AT, ellipsoids_of, held_by_cover
+from .capture import LOOKED_AT, ellipsoids_of, held_by_cover, sifted
 from .periods import ESCAPED, INACCURATE, NOWHERE, Discrete, Motion, integrate, iterate, notice
 
 FINISHED, INTERRUPTED, ASKS_FOR_POOL, ASKS_FOR_WAITING = 0, 1, 2, 3
@@ -134,7 +134,7 @@ class Work(NamedTuple):
 
 
 @loop
-def label(step, regions, covers, limits, outcome, work):
+def label(step, regions, sieve, covers, limits, outcome, work):
     """Label orbits within some limits; return why the loop stops."""
     pool, waiting, scratch, counts = work
     while True:
@@ -142,7 +142,7 @@ def label(step, regions, covers, limits, outcome, work):
             _return_waiting(pool, waiting, counts)
         if counts[LOOKED] == 0:
             _fill(outcome, pool, counts, limits.age)
-            _look(step.table, step.turn, regions, covers, limits, outcome, work)
+            _look(step, regions, sieve, covers, limits, outcome, work)
         counts[LOOKED] = 0
         active, waits = counts[ACTIVE], counts[WAITING]
         if active + waits == 0:
@@ -224,7 +224,7 @@ def _fill(outcome, pool, counts, age):
 
 
 @loop
-def _look(table, turn, regions, covers, limits, outcome, work):
+def _look(step, regions, sieve, covers, limits, outcome, work):
     """Find the rows that have settled or ended, and those that the table does not serve; the others go on."""
     pool, waiting, scratch, counts = work
     rows, holes, found, made = counts[ACTIVE], 0, scratch.found, 0
@@ -234,7 +234,10 @@ def _look(table, turn, regions, covers, limits, outcome, work):
     grows = regions.owners.size + covers.owners.size == 0
     for begin in range(0, rows, LOOKED_AT):
         some = min(LOOKED_AT, rows - begin)
-        ellipsoids_of(pool.points, begin, some, regions, turn, scratch.places, scratch.distances, found)
+        if sieve.bits.shape[2] > 0:
+            sifted(pool.points, begin, some, regions, sieve, step.turn, found)
+        else:
+            ellipsoids_of(pool.points, begin, some, regions, step.turn, scratch.places, scratch.distances, found)
         for i in range(some):
             r = begin + i
             k = pool.age[r]
@@ -244,7 +247,7 @@ def _look(table, turn, regions, covers, limits, outcome, work):
                     if pool.left[r] < 0:
                         pool.left[r] = -pool.left[r]
                         continue
-                    if not (table.escapes != 0 and _is_outside(table, pool.points, r)):
+                    if not (step.table.escapes != 0 and _is_outside(step.table, pool.points, r)):
                         _copy(pool, r, waiting, counts[WAITING])
                         counts[WAITING] += 1
                         scratch.holes[holes] = r
