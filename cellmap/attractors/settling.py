@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._compiled.kernels import labelling
-from .._compiled.kernels.capture import BITS, LOOKED_AT, Covers, Regions, Sieve, ellipsoids_of
+from .._compiled.kernels.capture import LOOKED_AT, Covers, Regions, Sieve, ellipsoids_of
 from .._compiled.kernels.labelling import POOL, Limits, Outcome, Rows, Scratch
 from .._lib.arrays import Floats, Ints
 from .._lib.computed import computed_once
@@ -23,13 +23,12 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Cover
 from .boxes import box_keys, boxes_around
 from .labels import LABELS_OF, Label
+from .sieves import sieve_of
 
 RESIDENCE = 64
-"""Consecutive periods inside the cover of a chaotic attractor after which an orbit counts as converged."""
+"""Consecutive periods inside the cover of a chaotic attractor after which an orbit counts as converged, at most."""
 
 _PART = 128  # orbits of a thread at a time, where few are followed
-_MANY = 32  # ellipsoids from which on a sieve tells which of them may hold a point
-_BINS = 256  # of a sieve along each axis
 _UNSEEN = 64  # most periods at a time where nothing can capture an orbit
 
 Rule = Callable[[Floats], Ints]
@@ -86,33 +85,11 @@ class Catalogue:
     @computed_once
     def sieve(self) -> Sieve:
         """Which ellipsoids may hold a point, by its coordinates; without words where they are few."""
-        return _sieve(self.regions, self.turn)
+        return sieve_of(self.regions, self.turn)
 
     def shrunk(self, factor: float) -> Catalogue:
         """Return the catalogue with smaller neighbourhoods."""
         return replace(self, regions=self.regions._replace(metrics=self.regions.metrics / factor**2))
-
-
-def _sieve(regions: Regions, turn: Floats) -> Sieve:
-    """Return the bins along each axis that the bounding boxes of ellipsoids meet, widened by a bin at either side."""
-    number, d = regions.centres.shape
-    if number < _MANY:
-        return Sieve(np.zeros(d), np.ones(d), np.zeros(d, np.int64), np.zeros((d, _BINS, 0), np.int64))
-    reach = np.sqrt(np.einsum("njj->nj", np.linalg.inv(regions.metrics)))
-    low, high = regions.centres - reach, regions.centres + reach
-    span = np.maximum((high - low).max(axis=0), np.ptp(np.concatenate([low, high]), axis=0))
-    inverse = _BINS / np.where(turn > 0, turn, span * (1.0 + 4.0 / _BINS))
-    origin = np.where(turn > 0, 0.0, low.min(axis=0) - 2.0 / inverse)
-    first, last = (np.floor((ends - origin) * inverse) for ends in (low, high))
-    bins = np.arange(_BINS)[:, None, None]
-    where = np.where(turn > 0, (bins - first + 1) % _BINS, bins - first + 1)
-    met = (where >= 0) & (where <= last - first + 2)
-    words = -(-number // BITS)
-    padded = np.zeros((_BINS, words * BITS, d), np.int64)
-    padded[:, :number] = met
-    bits = (padded.reshape(_BINS, words, BITS, d) << np.arange(BITS)[:, None]).sum(axis=2)
-    around = np.where(turn > 0, _BINS, 0)
-    return Sieve(origin, inverse, around, np.ascontiguousarray(np.moveaxis(bits, -1, 0)))
 
 
 def _boxes(covers: Sequence[tuple[int, Cover, Ints]], turn: Floats) -> Covers:
@@ -131,6 +108,7 @@ def _boxes(covers: Sequence[tuple[int, Cover, Ints]], turn: Floats) -> Covers:
         keys=np.concatenate([np.empty(0, np.int64), *(keys for _, _, keys in covers)]),
         resting=np.array([cover.certain is not None for _, cover, _ in covers], bool),
         certain=np.concatenate([np.empty(0, bool), *certain]),
+        residence=np.array([cover.residence or RESIDENCE for _, cover, _ in covers], np.int64),
     )
 
 
@@ -149,9 +127,13 @@ class Classified:
 
 @dataclass(frozen=True, eq=False)
 class Settled(Classified):
-    """The same with the last states of the undecided, ``orbits``."""
+    """The same with the last states of the undecided, ``orbits``.
+
+    ``stays``: the longest stay in each cover, in periods, of an orbit that did not end on the attractor of the cover.
+    """
 
     orbits: Orbits
+    stays: Ints
 
     @property
     def undecided(self) -> Ints:
@@ -205,6 +187,7 @@ def settle_on_threads(
         np.concatenate([s.times for s in settled]),
         Tally(*np.sum([s.tally for s in settled], axis=0).tolist()),
         Orbits.joined([s.orbits for s in settled]),
+        np.max([s.stays for s in settled], axis=0),
     )
 
 
@@ -273,13 +256,14 @@ def _labelled(
         since=np.full(n, -1),
         before=np.full((n, d), np.nan),
         residence=np.zeros((len(catalogue.covers), n), np.int64),
+        stays=np.zeros((len(catalogue.covers), n), np.int64),
         told=np.full(0 if rule is None else n, -1),
         labels_of=LABELS_OF,
     )
     size = min(n, POOL) if step.table.function else n
     pool, waiting, scratch = _rows(size, d), _rows(size if step.table.function else 0, d), _scratch(d, size)
     counts = np.zeros(labelling.COUNTS, np.int64)
-    limits = Limits(age, age + periods, stride, RESIDENCE, PERIODS_AT_ONCE)
+    limits = Limits(age, age + periods, stride, PERIODS_AT_ONCE)
     if rule is not None:
         _tell(rule, outcome, np.arange(n), orbits)
     places = labelling.Work(pool, waiting, scratch, counts)
@@ -304,7 +288,8 @@ def _labelled(
     tally = Tally(int(counts[labelling.PERIODS]), int(counts[labelling.MISSED]), *made)
     left = np.flatnonzero(outcome.labels == Label.UNDECIDED)
     labels: NDArray[Any] = outcome.labels if rule is not None else outcome.labels.astype(np.int16)
-    return Settled(labels, outcome.times, tally, orbits[left]), outcome.since, outcome.before
+    stays = outcome.stays.max(axis=1, initial=0)
+    return Settled(labels, outcome.times, tally, orbits[left], stays), outcome.since, outcome.before
 
 
 def _rows(size: int, dimension: int) -> Rows:

@@ -22,6 +22,7 @@ from ..attractors.chaos import examine
 from ..attractors.continua import joined_continua
 from ..attractors.examined import Examined
 from ..attractors.labels import LABEL_NAMES, Label
+from ..attractors.residence import OBSERVED, unobserved, with_residence
 from ..attractors.search import region_extent, search, sort_out
 from ..attractors.settling import Settled
 from ..attractors.transients import Late, Reason, regular
@@ -41,6 +42,7 @@ _INTEGRATED = 128, 1024  # where orbits are integrated, which takes long: a part
 _TILES = 128  # enough to keep all threads busy to the end
 _PATIENCE = 256  # periods before active orbits are searched for further attractors
 _REPEATS = 32  # sweeps over the same periods with ever more attractors, at most
+_FEWER = 4  # times as many initial conditions, from which on a sample shows what residence the others need
 _LOOKED_AT = 2**16  # active orbits, evenly spread, that are searched where more than HELD are active
 
 
@@ -151,7 +153,8 @@ class Run:
                 # What these attractors attract is attracted by them whatever else is found.
                 yield from self._first_look(now, self.order[: self.first])
             tiles = _joined_tiles(self.order) or None
-            now = replace(now, attractors=self._search(chosen, known, total > _SAMPLE, examined), tiles=tiles)
+            found = self._observed(self._search(chosen, known, total > _SAMPLE, examined))
+            now = replace(now, attractors=found, tiles=tiles)
             self.store.begin(now)
         states: Orbits | None = None
         while True:
@@ -167,7 +170,7 @@ class Run:
                 states = self._states(left, now)
             with heeding(self.stop):
                 attractors, reasons = self._find_more(now, left, states)
-            following = self._following(now, left, attractors)
+            following = self._following(now, left, self._observed(attractors))
             if following is None:
                 self.reasons = reasons
                 return
@@ -196,6 +199,16 @@ class Run:
             if not to_the_end or not len(found.orbits):
                 return tuple(found.attractors)
             return (*found.attractors, *found.examined(self.point_map, chosen, own).attractors)
+
+    def _observed(self, attractors: tuple[Attractor, ...]) -> tuple[Attractor, ...]:
+        """Return attractors, the chaotic ones with the periods that make a resident, where many are to be labelled."""
+        total = len(self.initial_conditions)
+        if total < _FEWER * OBSERVED or not unobserved(attractors):
+            return attractors
+        rows = np.sort(np.random.default_rng(1).choice(total, OBSERVED, replace=False))
+        sample = self.initial_conditions.wrapped(rows, self.point_map)
+        with heeding(self.stop):
+            return with_residence(self.point_map, attractors, sample, min(_PATIENCE, self.max_periods), self.stop)
 
     def _label(
         self, now: Progress, states: Orbits | None, ends: Sequence[int] = ()

@@ -51,6 +51,9 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
     neighbourhood = parts.get("neighbourhood")
     if neighbourhood is not None and not all(np.isfinite(part).all() for part in vars(neighbourhood).values()):
         raise ValueError(f"{group.name} has no trapping region")
+    cover = parts.get("cover")
+    if cover is not None and cover.residence is not None and cover.residence < 1:
+        raise ValueError(f"{group.name} asks for a residence of {cover.residence} periods")
     grazing = group.attrs.get("grazing", np.inf)
     multipliers = array_of(group, "multipliers", np.complex128, (None,))
     exponents = array_of(group, "exponents", np.float64, (None,))
@@ -82,7 +85,7 @@ def _read_part(group: h5py.Group, part: str, sizes: Mapping[str, int]) -> Any:
     for name, dims in shapes.items():
         if NoneType not in get_args(hints[name]) or f"{part}/{name}" in group:
             hint = get_args(hints[name])[0] if NoneType in get_args(hints[name]) else hints[name]
-            kind = np.float64 if hint is float else get_args(get_args(hint)[1])[0]
+            kind = {float: np.float64, int: np.int64}.get(hint) or get_args(get_args(hint)[1])[0]
             values = array_of(group, f"{part}/{name}", kind, tuple(known.get(dim) for dim in dims.split()))
             known |= dict(zip(dims.split(), values.shape, strict=True))
             if (
@@ -91,5 +94,5 @@ def _read_part(group: h5py.Group, part: str, sizes: Mapping[str, int]) -> Any:
                 or known.get("harmonics", 1) % 2 == 0
             ):
                 raise ValueError(f"{group.name} has Fourier coefficients of shape {values.shape}")
-            found[name] = values if values.shape else float(values)
+            found[name] = values if values.shape else values.item()
     return record(**found)

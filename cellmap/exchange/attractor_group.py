@@ -132,7 +132,7 @@ def _records(found: dict[str, NDArray[Any]], part: str, record: Any) -> dict[int
             if shape[0] >= 0:
                 size = int(np.prod(shape))
                 array = flat[start : start + size].reshape(shape).copy()
-                values.setdefault(k, {})[field.name] = array.item() if field.type == "float" else array
+                values.setdefault(k, {})[field.name] = array.item() if field.type in ("float", "int | None") else array
                 start += size
     return {k: record(**given) for k, given in values.items()}
 

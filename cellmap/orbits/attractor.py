@@ -69,12 +69,16 @@ class Cover:
     certain : ndarray of bool, shape (number,), or None
         For equilibria, the boxes that hold nothing else, or only orbits that approach them; in the others an orbit
         belongs to the set if it rests.  All boxes of the tube around invariant curves, in which orbits approach them.
+    residence : int or None
+        For a chaotic attractor, consecutive periods among the boxes after which an orbit counts as converged, where a
+        sample of orbits has shown how long others stay; 64 by default.
     """
 
     lower: Floats
     widths: Floats
     boxes: Ints
     certain: Bools | None = None
+    residence: int | None = None
 
     @computed_once
     def corners(self) -> Ints:
@@ -84,7 +88,7 @@ class Cover:
 
 PARTS: Mapping[str, tuple[Any, Mapping[str, str]]] = {
     "neighbourhood": (Neighbourhood, {"centres": "period d", "metrics": "period d d", "contraction": ""}),
-    "cover": (Cover, {"lower": "d", "widths": "d", "boxes": "boxes d", "certain": "boxes"}),
+    "cover": (Cover, {"lower": "d", "widths": "d", "boxes": "boxes d", "certain": "boxes", "residence": ""}),
     "circle": (
         InvariantCircle,
         {

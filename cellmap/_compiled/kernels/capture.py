@@ -50,7 +50,7 @@ class Covers(NamedTuple):
     ``corner``, ``widths`` of the first box; ``around``: boxes in the turn of an angle, 0 on the line; ``low``,
     ``shape`` of the boxes' bounding box, in which they are numbered row-major: sorted, those of cover c are
     ``keys[begin[c] : begin[c + 1]]``.  In a cover that is ``resting``, an orbit has to rest, but where a box is
-    ``certain``.
+    ``certain``; in the others it has to stay for as many periods as ``residence`` tells.
     """
 
     owners: NDArray[np.int64]
@@ -63,6 +63,7 @@ class Covers(NamedTuple):
     keys: NDArray[np.int64]
     resting: NDArray[np.bool_]
     certain: NDArray[np.bool_]
+    residence: NDArray[np.int64]
 
 
 @loop(vectors=True)

@@ -72,14 +72,13 @@ class Step(NamedTuple):
 class Limits(NamedTuple):
     """When orbits are looked at: from the age that all have in the beginning to that at the end.
 
-    ``stride``: periods from one look to the next; ``residence``: periods in a cover that make a resident;
-    ``patience``: periods of the exact map after which the loop returns for a moment.
+    ``stride``: periods from one look to the next; ``patience``: periods of the exact map after which the loop returns
+    for a moment.
     """
 
     age: int
     end: int
     stride: int
-    residence: int
     patience: int
 
 
@@ -98,8 +97,9 @@ class Outcome(NamedTuple):
     """What becomes of each orbit: state, label, settling time, and the last look before, with the point there.
 
     ``points``, ``rotations``, ``status`` are the orbits' states, at the beginning and at the end; ``residence`` counts
-    for each cover the periods inside; ``told`` is the number of a final state in which an orbit is
-    said to be, -1 for none, or empty; ``labels_of`` are the labels of orbits that have ended, by status.
+    for each cover the periods inside, and ``stays`` is the longest such stay of an orbit that did not end on its
+    attractor; ``told`` is the number of a final state in which an orbit is said to be, -1 for none, or empty;
+    ``labels_of`` are the labels of orbits that have ended, by status.
     """
 
     points: NDArray[np.float64]
@@ -110,6 +110,7 @@ class Outcome(NamedTuple):
     since: NDArray[np.int64]
     before: NDArray[np.float64]
     residence: NDArray[np.int64]
+    stays: NDArray[np.int64]
     told: NDArray[np.int64]
     labels_of: NDArray[np.int64]
 
@@ -286,11 +287,16 @@ def _ends(covers, limits, outcome, pool, r, owner):
             if inside and owner < 0:
                 owner = covers.owners[c]
             continue
+        if not inside and outcome.residence[c, m] > 0:
+            outcome.stays[c, m] = max(outcome.stays[c, m], outcome.residence[c, m])
         outcome.residence[c, m] = outcome.residence[c, m] + 1 if inside else 0
-        if owner < 0 and outcome.residence[c, m] >= limits.residence:
-            owner, when = covers.owners[c], max(k - limits.residence + 1, 0)
+        if owner < 0 and outcome.residence[c, m] >= covers.residence[c]:
+            owner, when = covers.owners[c], max(k - covers.residence[c] + 1, 0)
     if owner < 0 and not ended and k < limits.end:
         return False
+    for c in range(covers.owners.size):
+        if owner != covers.owners[c]:
+            outcome.stays[c, m] = max(outcome.stays[c, m], outcome.residence[c, m])
     if owner >= 0:
         outcome.labels[m], outcome.times[m] = owner, when
     elif ended:

@@ -1,0 +1,43 @@
+"""How long orbits have to stay among the boxes of a chaotic attractor until they count as converged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from .._lib.arrays import Floats
+from .._lib.stopping import Stop
+from ..maps.orbit_batch import Orbits
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Attractor, Kind
+from .settling import RESIDENCE, Catalogue, settle_on_threads
+
+OBSERVED = 4096
+"""Initial conditions whose orbits show how long those stay that leave; some times as many have to be labelled."""
+
+_TIMES, _MORE = 2, 8  # the longest stay that ended, and periods besides
+
+
+def unobserved(attractors: Sequence[Attractor]) -> bool:
+    """Tell whether any chaotic attractor waits for its residence to be observed."""
+    return any(a.kind is Kind.CHAOTIC and a.cover is not None and a.cover.residence is None for a in attractors)
+
+
+def with_residence(
+    point_map: PointMap, attractors: Sequence[Attractor], points: Floats, periods: int, stop: Stop | None = None
+) -> tuple[Attractor, ...]:
+    """Return attractors, the chaotic ones with the periods after which an orbit among their boxes is on them.
+
+    Orbits of points (n, dimension), a sample of initial conditions, are followed until they have been among the boxes
+    for 64 periods in a row, have come to another attractor, or have ended.  The rate at which orbits leave that only
+    pass by falls off exponentially: if the longest of n such stays lasts L periods, one of 2 L has a probability near
+    1/n^2.  An orbit that stays for 2 L + 8 periods, 64 at most, counts as converged.
+    """
+    catalogue = Catalogue.of(attractors, point_map)
+    settled = settle_on_threads(point_map, Orbits.starting(points), catalogue, periods, stop=stop)
+    found = list(attractors)
+    for (number, cover, _), longest in zip(catalogue.covers, settled.stays.tolist(), strict=True):
+        if found[number].kind is Kind.CHAOTIC and cover.residence is None:
+            residence = min(_TIMES * longest + _MORE, RESIDENCE)
+            found[number] = replace(found[number], cover=replace(cover, residence=residence))
+    return tuple(found)
