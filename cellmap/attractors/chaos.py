@@ -26,10 +26,14 @@ from .matching import thinned
 from .settling import RESIDENCE, path_of
 from .transients import HALF, Late, Reason, follow_on
 
-_EXPONENT_PERIODS = 300
+EXPONENT_PERIODS = 300
+"""Periods in which an orbit shows whether it is chaotic."""
+
+BOXES = 64
+"""Boxes along each axis of the bounding box of a sample of points."""
+
 _SAMPLE_PERIODS = 1000
 _ORBITS = 32
-_BOXES = 64
 _FLAT = 1e-3  # least width of all boxes together, in units of the extent: rounding must not tell orbits apart
 _LONGEST_RETURN = 128
 _FINEST = 16  # times as many boxes along each axis where covers of two attractors hold the orbits of each other
@@ -72,9 +76,9 @@ def examine(
     `late` to attractors that are not chaotic was in chaos there, halfway.  The size of the region of interest is 1 by
     default.
     """
-    chosen = states[np.unique(np.linspace(0, len(states) - 1, _ORBITS).round().astype(int))]
+    chosen = states[evenly(len(states))]
     reach = np.ones(point_map.dimension) if extent is None else extent
-    _, reasons = _tested(point_map, chosen, reach, _EXPONENT_PERIODS)
+    _, reasons = tested(point_map, chosen, reach, EXPONENT_PERIODS)
     chaotic = reasons == Reason.TRANSIENT
     if not chaotic.any():
         rows = np.flatnonzero(reasons == Reason.REGULAR)
@@ -88,7 +92,7 @@ def examine(
     if not len(rows):
         return Examination((), tuple(map(Reason, reasons)))
     # The exponents of an attractor are those of orbits that have come to it; transients have others.
-    exponents, doubts = _tested(point_map, orbit.points, reach, _SAMPLE_PERIODS)
+    exponents, doubts = tested(point_map, orbit.points, reach, _SAMPLE_PERIODS)
     lasting = doubts == Reason.TRANSIENT
     reasons[rows[~lasting]] = doubts[~lasting]
     rows, orbit, exponents = rows[lasting], orbit[lasting], exponents[lasting]
@@ -116,9 +120,9 @@ def _distinguished(
 
     ``path`` is where the orbits were before, ``transients`` are pieces of others, see :func:`recurrent_groups`.
     """
-    lower, widths = _lattice(history.reshape(-1, point_map.dimension), point_map, extent)
+    lower, widths = lattice(history.reshape(-1, point_map.dimension), point_map, extent)
     met = [thinned(a.points, _KNOWN) for a in known if a.kind is Kind.CHAOTIC]
-    clouds = Clouds(point_map, [*history.swapaxes(0, 1), *met], _BOXES * widths)
+    clouds = Clouds(point_map, [*history.swapaxes(0, 1), *met], BOXES * widths)
     group, leaves = recurrent_groups(clouds, path, widths, transients)
     fading = None if late is None else _fading(point_map, clouds, group, late, known)
     reasons, groups, found = np.full(history.shape[1], None, object), [], []
@@ -166,7 +170,12 @@ def _fading(point_map: PointMap, clouds: Clouds, group: Ints, late: Late, known:
     return np.unique(place[rows])
 
 
-def _tested(point_map: PointMap, points: Floats, extent: Floats, periods: int) -> tuple[Floats, NDArray[Any]]:
+def evenly(number: int, most: int = _ORBITS) -> Ints:
+    """Return some of as many rows, evenly spread."""
+    return np.unique(np.linspace(0, number - 1, most).round().astype(int))
+
+
+def tested(point_map: PointMap, points: Floats, extent: Floats, periods: int) -> tuple[Floats, NDArray[Any]]:
     """Return the exponents of orbits (n, d), and what these say of each (n,): TRANSIENT where it is chaotic.
 
     Exponents of at most 0.01 that are not surely positive count as zero, as they are on a torus.
@@ -221,12 +230,12 @@ def lyapunov_exponents(point_map: PointMap, initial_conditions: Floats, periods:
     return exponents, np.take_along_axis(errors, largest[:, None], axis=-1)[:, 0]
 
 
-def _lattice(points: Floats, point_map: PointMap, extent: Floats) -> tuple[Floats, Floats]:
+def lattice(points: Floats, point_map: PointMap, extent: Floats) -> tuple[Floats, Floats]:
     """Boxes that cut the bounding box of the points, or the circle, into equal parts."""
     cut, turn = turns_of(point_map.coordinates)
     lower = np.where(turn > 0, cut, points.min(axis=0))
     span = np.where(turn > 0, turn, np.maximum(np.ptp(points, axis=0), _FLAT * extent))
-    return lower, span / _BOXES
+    return lower, span / BOXES
 
 
 def _apart(

@@ -27,11 +27,13 @@ from .quasiperiodic import long_cycle, quasiperiodic_attractors
 from .settling import Catalogue, settle, settle_on_threads
 from .transients import REMEDIES, Late, Reason, UnsettledWarning, regular
 from .trapping import trapping_neighbourhood
+from .wandering import FEWEST, representatives
 
 _LOOKS = 256  # looks at the same orbits, at most
 _FIRST_LOOK = 32  # periods before end points are refined for the first time
 _LARGEST = 1e100  # size of a region, and its inverse the smallest: products of sizes are numbers
 _LONGEST_AT_REST = 128  # periods after which orbits that rest on a cycle have closed
+_WANDERING = 256  # periods from which on most of the orbits on a chaotic set are left out, where they take long
 _MATURE = 64  # periods from which orbits that do not settle are tried as quasi-periodic
 
 
@@ -138,7 +140,7 @@ def search(
     attractors = list(known)
     orbits = Orbits.starting(wrap(states, point_map.coordinates))
     rows, labels, times = np.arange(len(states)), np.full(len(states), Label.UNDECIDED), np.full(len(states), -1)
-    age, time_limit = 0, _FIRST_LOOK
+    age, time_limit, wandering = 0, _FIRST_LOOK, False
     while len(orbits):
         before = len(orbits)
         catalogue, periods = Catalogue.of(attractors, point_map), min(time_limit, max_periods - age)
@@ -148,10 +150,13 @@ def search(
         age, time_limit = min(age + time_limit, max_periods), 2 * age if age else time_limit
         if last or not _many_settle(before, len(orbits)):
             orbits, attractors, owners = sort_out(
-                point_map, orbits, attractors, longest_period, extent, age, examined, patient=not last, last=last
+                point_map, orbits, attractors, longest_period, extent, age, examined, not last, last, wandering
             )
             labels[rows], times[rows] = owners, np.where(owners >= 0, age, -1)
             rows = rows[owners == Label.UNDECIDED]
+            if point_map.is_flow and age >= _WANDERING and not last and len(rows) >= FEWEST:
+                kept, wandering = representatives(point_map, orbits.points, extent)
+                rows, orbits = rows[kept], orbits[kept]
         if last:
             break
     return Searched(orbits, attractors, age, labels, times)
@@ -187,12 +192,14 @@ def sort_out(
     examined: Examined,
     patient: bool = False,
     last: bool = False,
+    wandering: bool = False,
 ) -> tuple[Orbits, list[Attractor], Ints]:
     """Find new attractors from orbits that are left, until a look finds none.
 
     Returns the rest, all attractors, and on which of them each orbit is.  A patient search ends as soon as it finds
     attractors to which most of the orbits have come; the last one looks for longer cycles on which orbits rest, and
-    for circles along which they drift slowly.
+    for circles along which they drift slowly.  Until then no curves are looked for among orbits that are `wandering`
+    over chaotic sets.
     """
     owners, rows = np.full(len(orbits), Label.UNDECIDED), np.arange(len(orbits))
     for _ in range(_LOOKS):
@@ -202,7 +209,7 @@ def sort_out(
         # Orbits that approach one of these come to rest on it, and on no continuum of equilibria.
         others = orbits.points[Catalogue.of(fresh, point_map).owners_of(orbits.points) < 0]
         fresh += sticking_sets(point_map, others, extent, attractors)
-        mature = age >= _MATURE or not patient
+        mature = (age >= _MATURE or not patient) and (last or not wandering)
         if not fresh and mature:
             fresh = curves_and_cycles(point_map, orbits.points, attractors, extent, examined, age, slow=last)
         if not fresh and mature:

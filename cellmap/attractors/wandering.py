@@ -1,0 +1,42 @@
+"""Orbits that wander over the same chaotic sets as others, which are evidence enough."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._lib.arrays import Floats, Ints
+from ..maps.orbit_batch import Orbits
+from ..maps.point_map import PointMap
+from .chaos import BOXES, EXPONENT_PERIODS, evenly, lattice, tested
+from .clouds import Clouds, pieces_of
+from .settling import path_of
+from .transients import Reason
+
+FEWEST = 512
+"""Orbits from which on it is worthwhile to leave some out."""
+
+_KEPT = 256  # orbits of each set
+_SAMPLED = 256  # periods of the orbits that show where the sets are
+
+
+def representatives(point_map: PointMap, points: Floats, extent: Floats) -> tuple[Ints, bool]:
+    """Return the rows of orbits (n, dimension) that stand for all, and whether these are on chaotic sets.
+
+    Exponents of 32 of them, and points of their orbits, show the sets: if all of them are chaotic, of the orbits on
+    each set 256 are kept, evenly spread, for on one set all have the same future on average.  Those that are on none
+    are kept, too.
+    """
+    everyone = np.arange(len(points))
+    chosen = points[evenly(len(points))]
+    if len(points) < FEWEST or (tested(point_map, chosen, extent, EXPONENT_PERIODS)[1] != Reason.TRANSIENT).any():
+        return everyone, False
+    orbits = Orbits.starting(chosen.copy())
+    history = path_of(point_map, orbits, _SAMPLED)
+    if not orbits.alive.all():
+        return everyone, False
+    widths = lattice(history.reshape(-1, point_map.dimension), point_map, extent)[1]
+    clouds = Clouds(point_map, list(history.swapaxes(0, 1)), BOXES * widths)
+    place = clouds.place_of(pieces_of(point_map, points), clouds.group)
+    sets = [np.flatnonzero(place == g) for g in np.unique(place[place >= 0])]
+    kept = [rows[evenly(len(rows), _KEPT)] for rows in sets]
+    return np.sort(np.concatenate([np.flatnonzero(place < 0), *kept])), bool((place >= 0).all())
