@@ -12,7 +12,7 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind
 from .settling import RESIDENCE, Catalogue, settle_on_threads
 
-OBSERVED = 4096
+OBSERVED = 2048
 """Initial conditions whose orbits show how long those stay that leave; some times as many have to be labelled."""
 
 _TIMES, _MORE = 2, 8  # the longest stay that ended, and periods besides
@@ -23,21 +23,27 @@ def unobserved(attractors: Sequence[Attractor]) -> bool:
     return any(a.kind is Kind.CHAOTIC and a.cover is not None and a.cover.residence is None for a in attractors)
 
 
+def with_full_residence(attractors: Sequence[Attractor]) -> tuple[Attractor, ...]:
+    """Return attractors to which the longest residence applies, for lack of observations."""
+    covers = [a.cover if a.cover is None else replace(a.cover, residence=None) for a in attractors]
+    return tuple(replace(a, cover=cover) for a, cover in zip(attractors, covers, strict=True))
+
+
 def with_residence(
     point_map: PointMap, attractors: Sequence[Attractor], points: Floats, periods: int, stop: Stop | None = None
 ) -> tuple[Attractor, ...]:
     """Return attractors, the chaotic ones with the periods after which an orbit among their boxes is on them.
 
     Orbits of points (n, dimension), a sample of initial conditions, are followed until they have been among the boxes
-    for 64 periods in a row, have come to another attractor, or have ended.  The rate at which orbits leave that only
-    pass by falls off exponentially: if the longest of n such stays lasts L periods, one of 2 L has a probability near
-    1/n^2.  An orbit that stays for 2 L + 8 periods, 64 at most, counts as converged.
+    for 64 periods in a row, have come to another attractor, or have ended.  Stays of orbits that only pass by become
+    rare exponentially with their length: if the longest of n lasts L periods, one of 2 L has a probability near 1/n^2.
+    An orbit that stays for 2 L + 8 periods, 64 at most, counts as converged.
     """
-    catalogue = Catalogue.of(attractors, point_map)
+    found = list(with_full_residence(attractors))
+    catalogue = Catalogue.of(found, point_map)
     settled = settle_on_threads(point_map, Orbits.starting(points), catalogue, periods, stop=stop)
-    found = list(attractors)
     for (number, cover, _), longest in zip(catalogue.covers, settled.stays.tolist(), strict=True):
-        if found[number].kind is Kind.CHAOTIC and cover.residence is None:
+        if found[number].kind is Kind.CHAOTIC:
             residence = min(_TIMES * longest + _MORE, RESIDENCE)
             found[number] = replace(found[number], cover=replace(cover, residence=residence))
     return tuple(found)

@@ -16,6 +16,7 @@ from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind
 from .labels import Label
+from .residence import with_full_residence
 from .settling import RESIDENCE, Catalogue, path_of, settle
 
 HALF = RESIDENCE // 2
@@ -125,7 +126,7 @@ def follow_on(point_map: PointMap, points: Floats, chaotic: Bools, known: Sequen
     Those that stay among the boxes of a known chaotic attractor from the beginning are on it.  If any chaotic one
     leaves, or ends on an attractor that is not chaotic, none is lasting.
     """
-    catalogue = Catalogue.of(known, point_map)
+    catalogue = Catalogue.of(with_full_residence(known), point_map)
     strange = np.array([k for k, a in enumerate(known) if a.kind is Kind.CHAOTIC], np.int64)
     periods = max(_ENDURANCE * age, _RECOGNISED if len(strange) else 0)
     owners, times = np.full(len(points), Label.UNDECIDED), np.full(len(points), -1)

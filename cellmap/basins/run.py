@@ -28,7 +28,7 @@ from ..attractors.settling import Settled
 from ..attractors.transients import Late, Reason, regular
 from ..maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits
 from ..maps.point_map import PointMap, ToleranceWarning
-from ..orbits.attractor import Attractor, sort_key
+from ..orbits.attractor import Attractor, Kind, sort_key
 from .doubts import cycles_of
 from .initial_conditions import InitialConditions, Rows
 from .label_store import HELD, InMemory, LabelStore, basins_memory
@@ -153,7 +153,7 @@ class Run:
                 # What these attractors attract is attracted by them whatever else is found.
                 yield from self._first_look(now, self.order[: self.first])
             tiles = _joined_tiles(self.order) or None
-            found = self._observed(self._search(chosen, known, total > _SAMPLE, examined))
+            found = self._observed(self._search(chosen, known, total > _SAMPLE, examined), len(known))
             now = replace(now, attractors=found, tiles=tiles)
             self.store.begin(now)
         states: Orbits | None = None
@@ -170,7 +170,7 @@ class Run:
                 states = self._states(left, now)
             with heeding(self.stop):
                 attractors, reasons = self._find_more(now, left, states)
-            following = self._following(now, left, self._observed(attractors))
+            following = self._following(now, left, self._observed(attractors, len(now.attractors)))
             if following is None:
                 self.reasons = reasons
                 return
@@ -200,10 +200,13 @@ class Run:
                 return tuple(found.attractors)
             return (*found.attractors, *found.examined(self.point_map, chosen, own).attractors)
 
-    def _observed(self, attractors: tuple[Attractor, ...]) -> tuple[Attractor, ...]:
-        """Return attractors, the chaotic ones with the periods that make a resident, where many are to be labelled."""
-        total = len(self.initial_conditions)
-        if total < _FEWER * OBSERVED or not unobserved(attractors):
+    def _observed(self, attractors: tuple[Attractor, ...], before: int) -> tuple[Attractor, ...]:
+        """Return attractors, the chaotic ones with the periods that make a resident, where many are to be labelled.
+
+        Those are observed again when there are more attractors than before.
+        """
+        total, strange = len(self.initial_conditions), any(a.kind is Kind.CHAOTIC for a in attractors)
+        if total < _FEWER * OBSERVED or not strange or (len(attractors) == before and not unobserved(attractors)):
             return attractors
         rows = np.sort(np.random.default_rng(1).choice(total, OBSERVED, replace=False))
         sample = self.initial_conditions.wrapped(rows, self.point_map)
