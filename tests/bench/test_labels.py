@@ -12,7 +12,7 @@ import sys
 import tempfile
 import time
 from itertools import pairwise
-from math import pi
+from math import pi, sin
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ import pytest
 from peers import best_time, heyoka_batches
 
 import cellmap
-from cellmap import CellGrid, find_basins, interpolated_map, stroboscopic_map
+from cellmap import CellGrid, angle, discrete_map, find_basins, interpolated_map, stroboscopic_map
 from cellmap.attractors import continue_attractors
 from cellmap.attractors.settling import Catalogue
 from cellmap.basins import LiveBasins, continue_basins, refine_basins
@@ -32,6 +32,7 @@ from systems import (
     duffing_oscillator,
     forced_pendulum,
     two_well_duffing,
+    ueda_oscillator,
 )
 
 SPEED = 2 * pi * 50  # rad/s of the drive: figure 19's pendulum in units of it
@@ -72,6 +73,47 @@ def test_labels_on_two_threads(say, icm, side):
         seconds.append(best_time(lambda: find_basins(icm, grid, attractors=known), rounds=5))
     cellmap.set_threads(None)
     say(f"labels of {side} x {side}: two threads {seconds[0] / seconds[1]:.2f} times as fast as one")
+
+
+def kicked_rotor(nu=0.02, kick=4.0):
+    """The dissipative standard map, whose attractors are the more numerous the smaller its dissipation."""
+
+    def rule(x, p):
+        momentum = (1.0 - p.nu) * x[1] + p.kick * sin(x[0])
+        return x[0] + momentum, momentum
+
+    return discrete_map(rule, {"nu": nu, "kick": kick}, (angle("theta"), "p"))
+
+
+SLOW = {
+    "Ueda's oscillator, chaotic": (lambda: stroboscopic_map(ueda_oscillator()), (4.0, 6.0), 300),
+    "forced two-well Duffing, chaotic": (
+        lambda: stroboscopic_map(two_well_duffing(damping=0.25, forcing=0.4)),
+        (2.2, 2.2),
+        300,
+    ),
+    "Ueda's oscillator, table": (
+        lambda: interpolated_map(
+            stroboscopic_map(ueda_oscillator()), CellGrid((-5.0, -9.0), (5.0, 9.0), (256, 256)), outside="integrate"
+        ),
+        (4.0, 6.0),
+        300,
+    ),
+    "forced two-well Duffing, regular": (lambda: stroboscopic_map(two_well_duffing()), (2.2, 2.2), 300),
+    "dissipative standard map": (kicked_rotor, (pi, pi), 200),
+}
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", SLOW)
+def test_chaos_and_many_attractors(say, name):
+    make, half, side = SLOW[name]
+    point_map, grid = make(), CellGrid([-h for h in half], half, (side, side))
+    find_basins(point_map, CellGrid(grid.lower, grid.upper, (8, 8)))
+    began, cpu = time.perf_counter(), time.process_time()
+    basins = find_basins(point_map, grid)
+    wall, spent = time.perf_counter() - began, time.process_time() - cpu
+    say(f"{side} x {side}, {name}: {wall:.2f} s, {spent:.2f} s of all threads, {len(basins.attractors)} attractors")
 
 
 def five_attractors(step):
