@@ -21,11 +21,12 @@ from ...maps.orbit_batch import CHUNK, Orbits, Status
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Cover
 from ..record import Basins
-from .table_errors import TableErrors, images_of
+from .table_errors import UNRESOLVED, TableErrors, images_of
 
 SMALLEST = 1e-4  # smallest step of differences where the table has no derivatives, in widths of a cell
 _MOST_CELLS = 4096  # cells that the image of one may touch, if it is to be told by them
-_UNRESOLVED = 1.0  # error of the spline, in widths of a cell, from which samples say nothing of what is between them
+_LESS = 0.4  # of the sum of its slopes, which an image of a cell reaches at least to both sides of its middle
+_SAMPLED = 256  # cells that are sampled together
 _FIRST = 1 - int(Label.ESCAPED)  # ends of paths over cells are labels and this, so that they are positive
 
 
@@ -109,12 +110,46 @@ def owners_of_cells(setting: Setting, errors: TableErrors, late: Iterable[Floats
         claim_within(held, setting.place, setting.neighbourhoods, setting.catalogue.turn, part.start, part.stop)
 
     run_over(slices(setting.grid.size, CHUNK), claim)
-    first, last = _boxes_of_images(setting, errors, held)
-    ends = np.where(held == NONE, _ends_within(setting, late), held + _FIRST)
+    within, (middle, reach) = _ends_within(setting, late), _images(setting, errors)
+    rough = np.flatnonzero(np.isinf(errors.errors) & (held == NONE) & (errors.estimates <= UNRESOLVED))
+    if len(rough):
+        # Samples are dear: they are taken where smaller images go to one end, and where the centre comes to one soon.
+        middle = middle.copy()
+        reach[rough] = _LESS * np.abs(errors.slopes[rough]).sum(axis=2)
+        open_ = _ends(setting, held, within, middle, reach)[rough] != SEVERAL
+        reach[rough] = np.inf
+
+        def sample(part: slice) -> None:
+            some = rough[part]
+            centres = grid_points([setting.grid.axis(j) for j in range(setting.grid.dimension)], some)
+            soon = _labels_soon(setting, centres) >= Label.ESCAPED
+            held[some[soon]] = _agreed(setting, centres[soon])
+            chosen = open_[part] | soon
+            some, centres = some[chosen], centres[chosen]
+            middle[some], reach[some] = _sampled(setting, centres, errors.tolerances[some] + errors.estimates[some])
+
+        run_over(slices(len(rough), _SAMPLED), sample)
+    ends = _ends(setting, held, within, middle, reach)
+    return np.where(ends > 0, ends - _FIRST, NONE).astype(np.int16)
+
+
+def _ends(
+    setting: Setting, held: NDArray[np.int16], within: NDArray[np.int16], middle: Floats, reach: Floats
+) -> NDArray[np.int16]:
+    """Return the ends of all paths over images of cells, which reach so far from their middles."""
+    _, _, cells, circle = setting.place
+    first, last = np.empty(middle.shape, np.int32), np.empty(middle.shape, np.int32)
+
+    def enclose(part: slice) -> None:
+        images, boxes = (middle, reach), (first, last)
+        boxes_of(images, setting.place, _MOST_CELLS, setting.overhangs, part.start, part.stop, boxes)
+
+    run_over(slices(setting.grid.size, CHUNK), enclose)
+    ends = np.where(held == NONE, within, held + _FIRST).astype(np.int16)
     ends[(last[:, 0] < first[:, 0]) & (held == NONE)] = SEVERAL
     beyond = Label.ESCAPED + _FIRST if setting.escapes else SEVERAL
     reach_ends(ends, held != NONE, first, last, cells, circle, beyond)
-    return np.where(ends > 0, ends - _FIRST, NONE).astype(np.int16)
+    return ends
 
 
 def _ends_within(setting: Setting, late: Iterable[Floats]) -> NDArray[np.int16]:
@@ -159,53 +194,47 @@ def _overhangs(grid: CellGrid, catalogue: Catalogue) -> Ints:
     return np.where(catalogue.turn > 0.0, everywhere, ends).astype(np.int64)
 
 
-def _boxes_of_images(
-    setting: Setting, errors: TableErrors, held: NDArray[np.int16]
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the first and the last of the cells that the image of each cell can touch; none where they are not known.
-
-    Cells across a kink that end on one attractor at once, as where dry friction holds the state, get it in `held`.
-    """
-    middle, reach = errors.images, np.empty(errors.images.shape)
-    first, last = np.empty(middle.shape, np.int32), np.empty(middle.shape, np.int32)
+def _images(setting: Setting, errors: TableErrors) -> tuple[Floats, Floats]:
+    """Return the middles of the images of cells, and how far these reach from there; inf where that is not known."""
+    reach = np.empty(errors.images.shape)
 
     def measure(part: slice) -> None:
         reaches_of(errors.slopes, errors.bends, errors.errors, part.start, part.stop, reach)
 
-    def enclose(part: slice) -> None:
-        images, boxes = (middle, reach), (first, last)
-        boxes_of(images, setting.place, _MOST_CELLS, setting.overhangs, part.start, part.stop, boxes)
-
-    parts = slices(setting.grid.size, CHUNK)
-    run_over(parts, measure)
-    rough = np.flatnonzero(np.isinf(errors.errors) & (held == NONE))
-    if len(rough):
-        middle = middle.copy()
-    for chunk in slices(len(rough), CHUNK // _samples_along(setting.grid.dimension) ** setting.grid.dimension + 1):
-        some = rough[chunk]
-        middle[some], reach[some], held[some] = _sampled(setting, errors, some)
-    run_over(parts, enclose)
-    return first, last
+    run_over(slices(setting.grid.size, CHUNK), measure)
+    return errors.images, reach
 
 
-def _sampled(setting: Setting, errors: TableErrors, cells: Ints) -> tuple[Floats, Floats, NDArray[np.int16]]:
-    """Return middles and reaches of the images of some cells, and labels that a period settles, from samples."""
-    grid, d = setting.grid, setting.grid.dimension
+def _sampled(setting: Setting, centres: Floats, errors: Floats) -> tuple[Floats, Floats]:
+    """Return middles and reaches of the images of some cells, from samples."""
+    points = _samples(setting, centres)
+    images = images_of(setting.direct, points.reshape(-1, setting.grid.dimension)).reshape(points.shape)
+    images = (images - setting.grid.lower) / setting.grid.widths
+    low, high = images.min(axis=1), images.max(axis=1)
+    # Between the samples an image may reach as far again as from one sample to the next, and as far as the spline errs.
+    return 0.5 * (low + high), (0.5 + 0.25) * (high - low) + errors[:, None]
+
+
+def _agreed(setting: Setting, centres: Floats) -> NDArray[np.int16]:
+    """Return the label that all samples of a cell have after a period, or none: dry friction may hold all of them."""
+    points = _samples(setting, centres)
+    labels = _labels_soon(setting, points.reshape(-1, setting.grid.dimension)).reshape(points.shape[:2])
+    agreed = (labels == labels[:, :1]).all(axis=1) & (labels[:, 0] >= Label.ESCAPED)
+    return np.where(agreed, labels[:, 0], NONE).astype(np.int16)
+
+
+def _samples(setting: Setting, centres: Floats) -> Floats:
+    """Return points of cells, shape (n, samples, d), up to their edges."""
+    d = setting.grid.dimension
     sides = _samples_along(d)
     offsets = np.array(list(np.ndindex((sides,) * d))) * (2.0 / (sides - 1)) - 1.0
-    centres = grid_points([grid.axis(j) for j in range(d)], cells)
-    points = centres[:, None, :] + 0.5 * grid.widths * offsets
-    images = (images_of(setting.direct, points.reshape(-1, d)).reshape(points.shape) - grid.lower) / grid.widths
-    low, high = images.min(axis=1), images.max(axis=1)
-    initial_conditions = Orbits.starting(wrap(points.reshape(-1, d), setting.direct.coordinates))
-    labels = settle(setting.exact, initial_conditions, setting.catalogue, 1).labels.reshape(len(cells), -1)
-    agreed = (labels == labels[:, :1]).all(axis=1) & (labels[:, 0] >= Label.ESCAPED)
-    # Between the samples an image may reach as far again as from one sample to the next, and as far as the spline errs.
-    estimates = errors.estimates[cells]
-    reach = (0.5 + 0.25) * (high - low) + (errors.tolerances[cells] + estimates)[:, None]
-    reach[estimates > _UNRESOLVED] = np.inf
-    agreed &= estimates <= _UNRESOLVED
-    return 0.5 * (low + high), reach, np.where(agreed, labels[:, 0], NONE).astype(np.int16)
+    return np.asarray(centres[:, None, :] + 0.5 * setting.grid.widths * offsets)
+
+
+def _labels_soon(setting: Setting, points: Floats) -> NDArray[np.int16]:
+    """Return the labels of points after a period."""
+    orbits = Orbits.starting(wrap(points, setting.direct.coordinates))
+    return np.asarray(settle(setting.exact, orbits, setting.catalogue, 1).labels, np.int16)
 
 
 def _samples_along(dimension: int) -> int:

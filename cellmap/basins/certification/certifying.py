@@ -205,7 +205,7 @@ class _Run:
         """
         run_over(slices(self.labels.size, CHUNK), self._by_cells)
         left = np.flatnonzero(self.evidence == Evidence.OPEN)
-        self.follow(self.point_map, left, self.bounds.errors, Evidence.ORBIT)
+        self.follow(self.point_map, left, self.bounds.of_orbits, Evidence.ORBIT)
         redone = np.flatnonzero(self.evidence == Evidence.OPEN)
         self.redone = len(redone)
         self.follow(self.setting.exact, redone, self.bounds.tolerances, Evidence.EXACT)

@@ -10,11 +10,14 @@ from ..._compiled.kernels.cell_errors import Bounds, Given, bounding, curve, dif
 from ..._lib.arrays import Floats
 from ..._lib.threads import run_over, slices
 from ...maps.coordinates import turns_of
+from ...maps.formulas import formulas
 from ...maps.grid import CellGrid
 from ...maps.orbit_batch import CHUNK, Orbits
 from ...maps.point_map import PointMap
+from ...maps.stroboscopic import Stroboscopic
 
 _UNBOUNDED = 1e9  # widths of a cell: an error of which nothing follows
+UNRESOLVED = 1.0  # error of the spline, in widths of a cell, from which it says nothing of what is between its nodes
 _ACROSS = 0.49  # step of differences over a cell, in widths of it
 _CELLS = 4096  # cells whose derivatives are measured together: their images stay in the cache
 
@@ -25,7 +28,8 @@ class TableErrors:
 
     ``slopes`` (n, d, d) derivatives at the centres, ``bends`` (n,) their change over a cell, ``errors`` (n,) of a
     period of the table, ``tolerances`` (n,) of the exact map; ``images`` (n, d) places of the centres' images in cells
-    from the first edge, unwrapped; ``estimates`` (n,) of the spline's errors, also in cells that it does not serve.
+    from the first edge, unwrapped; ``estimates`` (n,) of the spline's errors, also in cells that it does not serve;
+    ``of_orbits`` (n,) errors of a period along orbits, which are integrated in fallback cells.
     """
 
     slopes: Floats
@@ -34,12 +38,13 @@ class TableErrors:
     tolerances: Floats
     images: Floats
     estimates: Floats
+    of_orbits: Floats
 
     @staticmethod
     def memory(grid: CellGrid) -> int:
         """Return the bytes that the bounds of a table need."""
         d = grid.dimension
-        return 8 * grid.size * (2 * d * d + 3 * d + 7)
+        return 8 * grid.size * (2 * d * d + 3 * d + 8)
 
     @classmethod
     @np.errstate(over="ignore", invalid="ignore")  # images of maps that diverge
@@ -80,7 +85,23 @@ class TableErrors:
         parts = slices(len(by_rows), CHUNK // grid.shape[-1] + 1)
         run_over(parts, bend)
         run_over(parts, bound)
-        return cls(slopes, bends, errors, tolerances, images, estimates)
+        of_orbits = errors
+        if has_power_series(exact):
+            # Nothing jumps within a cell: what its derivatives do not show at the centres is at most as steep as a wave
+            # that is as high as the error of the spline, and as long as a cell.
+            smooth = np.flatnonzero(np.isinf(errors) & np.isfinite(tolerances) & (estimates <= UNRESOLVED))
+            of_orbits = errors.copy()
+            errors[smooth], of_orbits[smooth] = estimates[smooth], tolerances[smooth]
+            bends[smooth, 1] += 2.0 * np.pi * estimates[smooth]
+        return cls(slopes, bends, errors, tolerances, images, estimates, of_orbits)
+
+
+def has_power_series(exact: PointMap) -> bool:
+    """Tell whether a map is known to follow a flow of analytic functions, so that it has no kinks and does not jump."""
+    if not isinstance(exact.spec, Stroboscopic):
+        return False
+    known = formulas(exact.spec.system).plain
+    return known is not None and known.is_analytic
 
 
 def images_of(point_map: PointMap, points: Floats) -> Floats:
