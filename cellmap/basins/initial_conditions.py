@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.computed import computed_once
 from .._lib.threads import slices
-from ..maps.coordinates import state_points, wrap
+from ..maps.coordinates import Coordinate, state_points, wrap
 from ..maps.fingerprint import PROBES, fingerprint
 from ..maps.grid import CellGrid, grid_points
 from ..maps.point_map import PointMap
@@ -56,6 +56,10 @@ class InitialConditions:
         assert self.grid is not None
         return [self.grid.axis(j) for j in range(self.grid.dimension)]
 
+    @computed_once
+    def _wrapped_axes(self) -> dict[tuple[Coordinate, ...], list[Floats]]:
+        return {}
+
     def points(self, rows: slice | Ints) -> Floats:
         """Return some initial conditions as a new array, shape (n, dimension)."""
         if self.grid is not None:
@@ -70,6 +74,13 @@ class InitialConditions:
 
     def wrapped(self, rows: slice | Ints, point_map: PointMap) -> Floats:
         """Return some initial conditions with wrapped angles."""
+        if self.grid is not None and sum(self.grid.shape) <= BLOCK:
+            axes = self._wrapped_axes.get(point_map.coordinates)
+            if axes is None:
+                each = zip(self._axes, point_map.coordinates, strict=True)
+                axes = [wrap(axis[:, None], [coordinate])[:, 0] for axis, coordinate in each]
+                self._wrapped_axes[point_map.coordinates] = axes
+            return grid_points(axes, rows)
         return wrap(self.points(rows), point_map.coordinates)
 
     def fingerprint(self, point_map: PointMap) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from math import inf, ulp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._compiled.kernels.blocks import MOST_TURNS
+from .._compiled.kernels.blocks import MOST_TURNS, product_rows
 from .._compiled.kernels.box_images import locate_rows
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import claim_memory, in_bytes, is_sequence, real_array, shown, whole_number
@@ -242,6 +242,8 @@ def between(lower: ArrayLike, upper: ArrayLike, cells: ArrayLike, numbers: Array
 
 def grid_points(axes: Sequence[Floats], part: slice | Ints) -> Floats:
     """Return some points of the product of axes, by their flat row-major numbers; shape (n, dimension)."""
-    numbers = np.arange(part.start, part.stop) if isinstance(part, slice) else part
-    index = np.unravel_index(numbers, tuple(map(len, axes)))
-    return np.stack([a[i] for a, i in zip(axes, index, strict=True)], axis=-1)
+    rows = np.empty(0, np.int64) if isinstance(part, slice) else np.ascontiguousarray(part, np.int64)
+    begin, count = (part.start, part.stop - part.start) if isinstance(part, slice) else (0, len(part))
+    points = np.empty((count, len(axes)))
+    product_rows(np.concatenate(axes), np.array([len(axis) for axis in axes], np.int64), begin, rows, points)
+    return points

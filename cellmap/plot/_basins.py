@@ -170,12 +170,14 @@ EVIDENCE_COLOURS = {
     Evidence.ORBIT: (0.62, 0.75, 0.88),
     Evidence.EXACT: (0.98, 0.75, 0.35),
     Evidence.OPEN: (0.75, 0.15, 0.15),
+    Evidence.DIRECT: (0.55, 0.55, 0.55),
 }
 _EVIDENCE_NAMES = {
     Evidence.CELL: "by the cell of the interpolation grid",
     Evidence.ORBIT: "by the orbit and its error",
     Evidence.EXACT: "recomputed exactly",
     Evidence.OPEN: "recomputed, undecided",
+    Evidence.DIRECT: "integrated without bounds of errors",
 }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import exp, pi, sin, sqrt
+from math import exp, inf, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def certified(system, table, window, order=5, outside="integrate", **settings):
     exact = stroboscopic_map(system)
     icm = interpolated_map(exact, table, order=order, outside=outside)
     basins = find_basins(icm, window)
-    certificate = certify(basins, **settings)
+    certificate = certify(basins, **{"most": inf, **settings})
     direct = find_basins(exact, window, attractors=basins.attractors)
     return certificate, basins, direct
 
@@ -58,6 +58,23 @@ def test_evidence_adds_up(fractal):
     assert counts[Evidence.OPEN] == certificate.open
     assert counts[Evidence.CELL] > 0
     assert counts[Evidence.ORBIT] > 0
+
+
+def test_labels_that_cost_too_much_to_certify_are_integrated(fractal):
+    """After some that were certified, or at once where the cells cost too much; labels are those of the exact map."""
+    certificate, basins, direct = fractal
+    for most, first in ((1.2, 0), (1.55, 64)):
+        less = certify(basins, most=most)
+        counts = np.bincount(less.evidence.ravel(), minlength=5)
+        assert counts[Evidence.DIRECT] > 5_000
+        assert counts[: Evidence.DIRECT].sum() >= first
+        assert (counts[Evidence.DIRECT] == counts.sum()) == (first == 0)
+        assert less.redone == counts[Evidence.EXACT :].sum()
+        assert less.open == counts[Evidence.OPEN :].sum()
+        np.testing.assert_array_equal(less.basins.labels, direct.labels)
+        others = less.evidence != Evidence.DIRECT
+        np.testing.assert_array_equal(less.evidence[others], certificate.evidence[others])
+        assert less.cost.evaluations < 1.3 * direct.cost.evaluations
 
 
 @pytest.mark.slow
@@ -258,7 +275,7 @@ def test_same_bits_for_any_number_of_threads(fractal):
     for threads in (1, 3):
         cellmap.set_threads(threads)
         try:
-            again = certify(basins)
+            again = certify(basins, most=inf)
         finally:
             cellmap.set_threads(None)
         np.testing.assert_array_equal(again.evidence, certificate.evidence)
@@ -286,6 +303,8 @@ def test_bad_input(fractal):
         certify(basins, safety=0.5)
     with pytest.raises(ValueError, match="audit"):
         certify(basins, audit=0)
+    with pytest.raises(ValueError, match="most"):
+        certify(basins, most=0.9)
     assert isinstance(certificate, Certificate)
     assert "recomputed" in repr(certificate)
 

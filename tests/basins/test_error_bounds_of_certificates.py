@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from math import sin
 
 import numpy as np
 import pytest
@@ -10,12 +11,12 @@ from scipy.ndimage import correlate1d, maximum_filter, minimum_filter
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import shortest_path
 
-from cellmap import CellGrid, discrete_map
+from cellmap import CellGrid, ForcedSystem, discrete_map, interpolated_map, stroboscopic_map
 from cellmap._compiled.kernels.cell_errors import Bounds, Given, bounding, curve
 from cellmap._compiled.kernels.cell_images import SEVERAL, reach_ends
 from cellmap._compiled.kernels.certainty import carry_rows
-from cellmap.basins.certification.table_errors import slopes_of, tolerance_in_cells
-from systems import henon_map
+from cellmap.basins.certification.table_errors import TableErrors, has_power_series, slopes_of, tolerance_in_cells
+from systems import henon_map, two_well_duffing
 
 
 def test_error_ellipsoids_hold_all_errors():
@@ -136,3 +137,32 @@ def test_tolerances_are_those_of_the_worst_coordinate():
     grid = CellGrid((0.0, 0.0), (5.0, 30.0), (10, 10))
     found = tolerance_in_cells(exact, np.array([[0.2, -2.0], [2.0, 2.0]]), grid)
     np.testing.assert_allclose(found, [0.007, 0.042], rtol=1e-14)
+
+
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
+def test_derivatives_in_smooth_fallback_cells():
+    """Those between the centres are off by less than the bound, against differences of the exact map over tiny steps."""
+    exact, n = stroboscopic_map(two_well_duffing()), 60
+    icm = interpolated_map(exact, CellGrid((-2.9, -2.9), (2.9, 2.9), (n, n)), outside="integrate")
+    bounds, grid = TableErrors.of(icm, 4.0, False), icm.table.grid
+    smooth = np.flatnonzero(icm.table.fallback.ravel() & np.isfinite(bounds.of_orbits))
+    assert len(smooth) > n * n // 3
+    rng = np.random.default_rng(0)
+    cells = rng.choice(smooth, 1000)
+    place = np.stack(np.unravel_index(cells, grid.shape), -1) + rng.uniform(size=(1000, 2))
+    exactly, _ = slopes_of(exact, grid.lower + place * grid.widths, grid.widths, np.full(1000, 1e-4))
+    low = np.clip(np.floor(place - 0.5), 0, n - 2).astype(int)
+    (u, v), (i, j) = (place - 0.5 - low).T[:, :, None, None], low.T
+    slopes = bounds.slopes.reshape(n, n, 2, 2)
+    between = (1 - u) * ((1 - v) * slopes[i, j] + v * slopes[i, j + 1])
+    between += u * ((1 - v) * slopes[i + 1, j] + v * slopes[i + 1, j + 1])
+    errors = np.linalg.norm(between - exactly, axis=(1, 2))
+    assert (errors <= bounds.bends[cells, 1]).all()
+    np.testing.assert_array_equal(bounds.of_orbits[cells], bounds.tolerances[cells])
+    np.testing.assert_array_equal(bounds.errors[cells], bounds.estimates[cells])
+
+
+def test_kinks_have_no_derivatives_from_the_table():
+    for rhs, smooth in ((lambda t, x, p: (x[1], -abs(x[0])), False), (lambda t, x, p: (x[1], -sin(x[0])), True)):
+        assert has_power_series(stroboscopic_map(ForcedSystem(rhs, {}, 1.0, ("x", "v")))) == smooth
+    assert not has_power_series(henon_map())

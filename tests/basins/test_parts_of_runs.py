@@ -23,7 +23,7 @@ from cellmap import (
     interpolated_map,
 )
 from cellmap.basins import Evidence, UnsettledWarning, continue_basins, refine_basins
-from cellmap.basins.certification import certifying
+from cellmap.basins.certification import certified_labels
 from cellmap.basins.continuation import _outermost, _seeds
 from cellmap.basins.initial_conditions import InitialConditions, Rows
 from cellmap.basins.label_store import InMemory, LabelStore, basins_memory
@@ -110,13 +110,13 @@ def test_labels_that_change_take_the_times_of_the_exact_map():
 
 
 def test_late_orbits_are_given_in_parts(monkeypatch):
-    monkeypatch.setattr(certifying, "CHUNK", 64)
+    monkeypatch.setattr(certified_labels, "CHUNK", 64)
     points = np.random.default_rng(0).uniform(-1, 1, (200, 1))
     slow = np.random.default_rng(1).uniform(size=200) < 0.3
     run = SimpleNamespace(
         slow=slow, initial_conditions=InitialConditions(None, points), setting=SimpleNamespace(direct=CREEPS)
     )
-    parts = list(certifying._Run._late(run))
+    parts = list(certified_labels.CertifiedLabels._late(run))
     assert len(parts) == 4
     assert np.array_equal(np.concatenate(parts), points[slow])
 
@@ -132,18 +132,18 @@ def test_an_orbit_rests_if_all_ends_of_its_errors_do(monkeypatch):
         rests = (np.abs(orbits.points) <= [1.0, 2.0]).all(axis=1)
         return SimpleNamespace(labels=np.where(rests, 5, Label.UNDECIDED))
 
-    monkeypatch.setattr(certifying, "settle", settled)
-    monkeypatch.setattr(certifying, "inside_cover", lambda cover, x, point_map, keys: np.abs(x[:, 0]) <= 1.0)
+    monkeypatch.setattr(certified_labels, "settle", settled)
+    monkeypatch.setattr(certified_labels, "inside_cover", lambda cover, x, point_map, keys: np.abs(x[:, 0]) <= 1.0)
     plane = discrete_map(lambda x, p: (x[0], x[1]), {}, ("x", "y"))
     covers = ((4, SimpleNamespace(certain=None), None), (5, SimpleNamespace(certain=True), None))
     setting = SimpleNamespace(
         catalogue=SimpleNamespace(covers=covers), grid=SimpleNamespace(widths=np.array([0.5, 2.0]))
     )
     setting.direct = plane
-    found = np.full(len(points), certifying.NONE)
+    found = np.full(len(points), certified_labels.NONE)
     orbits = SimpleNamespace(points=points, alive=np.arange(len(points)) != 0)
     spread = np.broadcast_to(0.01 * np.eye(2), (len(points), 2, 2))
-    certifying._Run._stopped(SimpleNamespace(setting=setting), orbits, spread, found)
+    certified_labels.CertifiedLabels._stopped(SimpleNamespace(setting=setting), orbits, spread, found)
     # The first orbit has ended; 0.94 + 0.05 rests, and 0.96 + 0.05 does not; 1.79 + 0.2, and not 1.81 + 0.2.
     assert (found == 5).tolist() == [False, True, False, True, False, True, False, False, False]
 

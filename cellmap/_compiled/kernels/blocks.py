@@ -60,6 +60,21 @@ def unpack(motion, blocks, errors, members, images, ratios):
 
 
 @loop
+def product_rows(axes, shape, begin, rows, points):
+    """Write points of the product of axes, by their flat row-major numbers.
+
+    The axes lie one behind the other.  The numbers are those of the rows, or consecutive ones where there are no rows.
+    """
+    for i in range(points.shape[0]):
+        rest, end = begin + i if rows.size == 0 else rows[i], axes.size
+        for j in range(shape.size - 1, -1, -1):
+            above = rest // shape[j]
+            end -= shape[j]
+            points[i, j] = axes[end + rest - above * shape[j]]
+            rest = above
+
+
+@loop
 def wrap_rows(points, rotations, lower, turn):
     """Wrap angles and count the full rotations taken away; angles without phase become NaN.
 

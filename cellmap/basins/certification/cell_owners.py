@@ -103,7 +103,6 @@ def owners_of_cells(setting: Setting, errors: TableErrors, late: Iterable[Floats
 
     Orbits from the points in `late`, batches (n, d), come to no end in time, or late.
     """
-    _, _, cells, circle = setting.place
     held = np.full(setting.grid.size, NONE, np.int16)
 
     def claim(part: slice) -> None:

@@ -28,6 +28,8 @@ class Evidence(IntEnum):
     """Label of the exact map, which errors within its tolerance, or a larger limit of periods, could change.
 
     Undecided initial conditions are among these, and have no label yet."""
+    DIRECT = 4
+    """Label of the exact map, without a bound of its errors: direct integration was predicted to cost less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +43,7 @@ class Certificate(ShownAsHtml, ConvertsToXarray):
     evidence : ndarray of uint8, shape of the labels
         An :class:`Evidence` for each initial condition.
     redone : int
-        Number of labels recomputed with the exact map: those with the evidence EXACT and OPEN.
+        Number of labels recomputed with the exact map: those with the evidence EXACT, OPEN and DIRECT.
     changed : int
         Number of labels that changed.
     audit : Verification
@@ -63,8 +65,8 @@ class Certificate(ShownAsHtml, ConvertsToXarray):
 
     @property
     def open(self) -> int:
-        """Number of labels that the tolerance of the exact map could change."""
-        return int(np.count_nonzero(self.evidence == Evidence.OPEN))
+        """Number of labels that the tolerance of the exact map could change, as far as is known."""
+        return int(np.count_nonzero(self.evidence >= Evidence.OPEN))
 
     @property
     def undecided(self) -> int:

@@ -89,7 +89,9 @@ class TableErrors:
         if has_power_series(exact):
             # Nothing jumps within a cell: what its derivatives do not show at the centres is at most as steep as a wave
             # that is as high as the error of the spline, and as long as a cell.
-            smooth = np.flatnonzero(np.isinf(errors) & np.isfinite(tolerances) & (estimates <= UNRESOLVED))
+            smooth = np.isinf(errors) & np.isfinite(tolerances) & (estimates <= UNRESOLVED)
+            for j in np.flatnonzero(~wraps):  # beyond the outermost centres nothing is between two of them
+                np.moveaxis(smooth.reshape(grid.shape), j, 0)[[0, -1]] = False
             of_orbits = errors.copy()
             errors[smooth], of_orbits[smooth] = estimates[smooth], tolerances[smooth]
             bends[smooth, 1] += 2.0 * np.pi * estimates[smooth]
