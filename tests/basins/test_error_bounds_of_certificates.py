@@ -141,7 +141,7 @@ def test_tolerances_are_those_of_the_worst_coordinate():
 
 @pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 def test_derivatives_in_smooth_fallback_cells():
-    """Those between the centres are off by less than the bound, against differences of the exact map over tiny steps."""
+    """Those between the centres are off by less than the bound, against differences of the exact map."""
     exact, n = stroboscopic_map(two_well_duffing()), 60
     icm = interpolated_map(exact, CellGrid((-2.9, -2.9), (2.9, 2.9), (n, n)), outside="integrate")
     bounds, grid = TableErrors.of(icm, 4.0, False), icm.table.grid
