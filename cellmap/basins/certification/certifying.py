@@ -93,7 +93,7 @@ def certify(
     >>> from math import pi
     >>> from cellmap import CellGrid, ForcedSystem, find_basins, interpolated_map, stroboscopic_map
     >>> wells = ForcedSystem(lambda t, x, p: (x[1], x[0] - x[0] ** 3 - 0.3 * x[1]), {}, 2 * pi, ("x", "v"))
-    >>> grid = CellGrid((-1.5, -1.0), (1.5, 1.0), (60, 40))
+    >>> grid = CellGrid((-1.5, -1.0), (1.5, 1.0), (240, 160))
     >>> icm = interpolated_map(stroboscopic_map(wells), CellGrid((-2, -2), (2, 2), (128, 128)))
     >>> certificate = certify(find_basins(icm, grid))
     >>> certificate.audit.wrong, certificate.open
