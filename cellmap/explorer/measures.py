@@ -72,7 +72,7 @@ def certificate(view: View, frame: LiveFrame) -> tuple[dict[str, Any], bytes]:
     """Return a certificate of the labels, and as bytes which pixels stay open: 1, others 0."""
     if len(view.axes) != 2 or len(view.others) != 2:
         raise ValueError("certificates are for maps of two coordinates: use Verify")
-    found = certify(frame.basins, most=inf)
+    found = certify(frame.basins, max_cost=inf)
     open_cells = (found.evidence == Evidence.OPEN).astype(np.int16)
     raster = view.raster(open_cells)
     facts = {

@@ -83,7 +83,7 @@ def _by_table(scene: Scene, exact: object, order: int, cells: int, reference: Ba
     seconds = time.perf_counter() - began
     runs = [_run(f"table, order {order}", f"{cells} cells a side", seconds, basins, reference)]
     if order == 5 and table.dimension == 2:
-        certificate = certify(basins)
+        certificate = certify(basins, max_cost=float("inf"))
         seconds += certificate.cost.seconds
         run = _run("table, order 5, certified", f"{cells} cells a side", seconds, certificate.basins, reference)
         wrong = _numbers(certificate.basins, reference) != reference.labels

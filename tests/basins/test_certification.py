@@ -30,7 +30,7 @@ def certified(system, table, window, order=5, outside="integrate", **settings):
     exact = stroboscopic_map(system)
     icm = interpolated_map(exact, table, order=order, outside=outside)
     basins = find_basins(icm, window)
-    certificate = certify(basins, **{"most": inf, **settings})
+    certificate = certify(basins, **{"max_cost": inf, **settings})
     direct = find_basins(exact, window, attractors=basins.attractors)
     return certificate, basins, direct
 
@@ -64,7 +64,7 @@ def test_labels_that_cost_too_much_to_certify_are_integrated(fractal):
     """After some that were certified, or at once where the cells cost too much; labels are those of the exact map."""
     certificate, basins, direct = fractal
     for most, first in ((1.2, 0), (1.55, 64)):
-        less = certify(basins, most=most)
+        less = certify(basins, max_cost=most)
         counts = np.bincount(less.evidence.ravel(), minlength=5)
         assert counts[Evidence.DIRECT] > 5_000
         assert counts[: Evidence.DIRECT].sum() >= first
@@ -275,7 +275,7 @@ def test_same_bits_for_any_number_of_threads(fractal):
     for threads in (1, 3):
         cellmap.set_threads(threads)
         try:
-            again = certify(basins, most=inf)
+            again = certify(basins, max_cost=inf)
         finally:
             cellmap.set_threads(None)
         np.testing.assert_array_equal(again.evidence, certificate.evidence)
@@ -303,8 +303,8 @@ def test_bad_input(fractal):
         certify(basins, safety=0.5)
     with pytest.raises(ValueError, match="audit"):
         certify(basins, audit=0)
-    with pytest.raises(ValueError, match="most"):
-        certify(basins, most=0.9)
+    with pytest.raises(ValueError, match="max_cost"):
+        certify(basins, max_cost=0.9)
     assert isinstance(certificate, Certificate)
     assert "recomputed" in repr(certificate)
 

@@ -36,7 +36,7 @@ def test_no_certified_label_is_wrong(rhs, period, window, grid, order):
     """On coarse interpolation grids; initial conditions are few beside the boundary, where labels may stay open."""
     system = ForcedSystem(rhs, {}, period, ("x", "y", "z")[: grid.dimension])
     table = interpolated_map(stroboscopic_map(system), window, order, tolerance=10.0)
-    certificate = certify(find_basins(table, grid, 300), audit=50, most=inf)
+    certificate = certify(find_basins(table, grid, 300), audit=50, max_cost=inf)
     direct = find_basins(stroboscopic_map(system, method="DOP853", rtol=1e-12, atol=1e-13), grid, 300)
     (ours, theirs) = ([a.points[0] for a in b.attractors] for b in (certificate.basins, direct))
     assert len(ours) == 2

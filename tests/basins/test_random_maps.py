@@ -229,7 +229,7 @@ def coarse_table(rng: np.random.Generator, exact: PointMap, half: tuple[float, f
 def wrong_labels(icm: PointMap, reference: PointMap, half: tuple[float, float], side: int, periods: int) -> np.ndarray:
     """Count labels, and wrong ones, by their evidence, shape (2, 4), against a reference of the exact map."""
     window = CellGrid(tuple(-w for w in half), half, (side, side))
-    certificate = certify(find_basins(icm, window, max_periods=periods), audit=50, most=inf)
+    certificate = certify(find_basins(icm, window, max_periods=periods), audit=50, max_cost=inf)
     if icm.recipe["outside"] == "escape":
         reference = within(icm.table.grid, reference)
     truth = find_basins(reference, window, max_periods=periods, attractors=certificate.basins.attractors)

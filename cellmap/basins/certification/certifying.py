@@ -28,7 +28,7 @@ def certify(
     audit: int = 1000,
     safety: float = 4.0,
     *,
-    most: float = 1.2,
+    max_cost: float = 1.2,
     rng: Rng = 0,
     progress: bool = False,
 ) -> Certificate:
@@ -58,7 +58,7 @@ def certify(
         Number of labels to compare with exact integration.
     safety : float, optional
         Factor by which errors may exceed their estimates.
-    most : float, optional
+    max_cost : float, optional
         Largest cost, in direct integrations of the same labels, of a certificate for a flow.  Where the work on some
         initial conditions predicts a larger one, the others are integrated directly, with the evidence DIRECT; all of
         them where the interpolation cells alone would cost too much.  With inf nothing is left out.
@@ -93,9 +93,9 @@ def certify(
     >>> from math import pi
     >>> from cellmap import CellGrid, ForcedSystem, find_basins, interpolated_map, stroboscopic_map
     >>> wells = ForcedSystem(lambda t, x, p: (x[1], x[0] - x[0] ** 3 - 0.3 * x[1]), {}, 2 * pi, ("x", "v"))
-    >>> grid = CellGrid((-1.5, -1.0), (1.5, 1.0), (240, 160))
+    >>> grid = CellGrid((-1.5, -1.0), (1.5, 1.0), (60, 40))
     >>> icm = interpolated_map(stroboscopic_map(wells), CellGrid((-2, -2), (2, 2), (128, 128)))
-    >>> certificate = certify(find_basins(icm, grid))
+    >>> certificate = certify(find_basins(icm, grid), max_cost=float("inf"))
     >>> certificate.audit.wrong, certificate.open
     (0, 0)
     """
@@ -109,15 +109,17 @@ def certify(
         )
     audit = affordable_number("audit", audit, 8 * 4, at_least=1)
     safety = finite_number("safety", safety, at_least=1.0)
-    if not real_number("most", most) >= 1.0:
-        raise ValueError(f"most={most!r}: give a number from 1 on, which direct integration costs; inf for no limit")
+    if not real_number("max_cost", max_cost) >= 1.0:
+        raise ValueError(
+            f"max_cost={max_cost!r}: give a number from 1 on, which direct integration costs; inf for no limit"
+        )
     began = time.perf_counter()
     total = basins.labels.size
     claim_memory(f"evidence for {total:,} initial conditions", 6 * total, "take fewer initial conditions")
     claim_memory(
         f"error bounds of {point_map.table}", TableErrors.memory(point_map.table.grid), "take fewer interpolation cells"
     )
-    budget = Budget.of(basins, most)
+    budget = Budget.of(basins, max_cost)
     bounds = None if budget.is_spent_on_cells else TableErrors.of(point_map, safety, progress)
     search = Search(basins, progress)
     search.among(np.flatnonzero(np.isin(basins.labels, OPEN)))
