@@ -12,7 +12,7 @@ from .._lib.checks import real_array, shown
 from .._lib.signatures import checked
 from .._lib.threads import results_of
 from ..maps.point_map import PointMap
-from ..orbits.attractor import Attractor, Kind, sort_key
+from ..orbits.attractor import Attractor, Kind, Neighbourhood, sort_key
 from ..orbits.newton import newton, stable_orbit
 from .matching import attractor_distance
 from .quasiperiodic import quasiperiodic_attractors
@@ -97,13 +97,20 @@ def orbits_followed(point_map: PointMap, attractors: Sequence[Attractor], extent
 
 
 def with_regions(point_map: PointMap, orbits: Mapping[int, Attractor], extent: Floats) -> dict[int, Attractor]:
-    """Return those orbits that have a verified region, with it, by the numbers that they have."""
+    """Return those orbits that have a verified region, with it, by the numbers that they have.
+
+    It is like the one that an orbit has, as :func:`orbits_followed` returns it, where that is verified here.
+    """
     if not orbits:
         return {}
     beside = extent * np.random.default_rng(0).uniform(-0.5, 0.5, (_BESIDE, point_map.dimension))
     around = np.concatenate([orbit.points[0] + beside for orbit in orbits.values()])
     motion = extent_of_motion(point_map, around, extent)
-    regions = dict(results_of(list(orbits), lambda k: neighbourhood_of(point_map, orbits[k], motion)))
+
+    def region_of(k: int) -> Neighbourhood | None:
+        return neighbourhood_of(point_map, orbits[k], motion, orbits[k].neighbourhood)
+
+    regions = dict(results_of(list(orbits), region_of))
     found: dict[int, Attractor] = {}
     for k, orbit in orbits.items():
         region = regions[k]

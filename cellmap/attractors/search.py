@@ -26,7 +26,7 @@ from .labels import LABEL_NAMES, Label
 from .quasiperiodic import long_cycle, quasiperiodic_attractors
 from .settling import Catalogue, settle, settle_on_threads
 from .transients import REMEDIES, Late, Reason, UnsettledWarning, regular
-from .trapping import trapping_neighbourhood
+from .trapping import still_trapping, trapping_neighbourhood
 from .wandering import FEWEST, representatives
 
 _LOOKS = 256  # looks at the same orbits, at most
@@ -324,9 +324,17 @@ def verified_cycles(
     return attractors
 
 
-def neighbourhood_of(point_map: PointMap, attractor: Attractor, extent: Floats) -> Neighbourhood | None:
-    """Return the trapping region of a periodic attractor, None where there is none or the map does not follow it."""
-    return trapping_neighbourhood(point_map, attractor, extent) if _carried(point_map, attractor) else None
+def neighbourhood_of(
+    point_map: PointMap, attractor: Attractor, extent: Floats, like: Neighbourhood | None = None
+) -> Neighbourhood | None:
+    """Return the trapping region of a periodic attractor, None where there is none or the map does not follow it.
+
+    One that is `like` that of a similar map is returned where it is verified.
+    """
+    if not _carried(point_map, attractor):
+        return None
+    again = None if like is None else still_trapping(point_map, attractor, extent, like)
+    return trapping_neighbourhood(point_map, attractor, extent) if again is None else again
 
 
 def _carried(point_map: PointMap, attractor: Attractor) -> bool:

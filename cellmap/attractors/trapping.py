@@ -20,6 +20,7 @@ from .settling import path_of
 _SAMPLED = 4  # dimensions, at most, in which surfaces are sampled densely
 _DIRECTIONS = 96  # on a circle
 _FINE = {1: 1.01, 2: 1.0 + 2 * np.pi / _DIRECTIONS}  # from one shell to the next; else 1.1
+_FARTHEST_IN = 10.0  # factor by which the smallest of shells that were verified for a similar map is smaller
 _AHEAD = 8  # shells to which radii are chosen at once,
 _STRETCHES = {1: 32}  # as many times this number in one dimension, where each has two points only
 _GROWN = 2  # points of an attractor whose ellipsoids grow as far as they can; the others only begin
@@ -81,12 +82,7 @@ def trapping_neighbourhood(point_map: PointMap, attractor: Attractor, extent: Fl
     close to 1.
     """
     exact = point_map.without_table
-    turn = turns_of(exact.coordinates)[1]
-    # Rounding far away from the origin would hide all that happens in a tiny region.
-    extent = extent * max(1.0, float((_NARROWEST * np.abs(attractor.points) / extent).max()))
-    reach = _FARTHEST * (1.0 + np.abs(attractor.points).max(axis=0))
-    limit = np.minimum(np.where(turn > 0, np.minimum(extent, turn), extent) / 4.0, reach)
-    rounds = _rounds(attractor)
+    limit, rounds = _limit(exact, attractor, extent), _rounds(attractor)
     periods = rounds * attractor.period
     contraction = 0.5 * (1.0 + float(np.abs(attractor.multipliers[0])) ** rounds)
     steps = jacobian(exact, attractor.points)
@@ -120,6 +116,63 @@ def trapping_neighbourhood(point_map: PointMap, attractor: Attractor, extent: Fl
     every = [(begun | hidden)[k] for k in range(attractor.period)]
     metrics = np.array([shells.metric / shells.radius**2 for shells in every])
     return Neighbourhood(attractor.points, metrics, max(shells.worst for shells in every) ** (1.0 / rounds))
+
+
+def still_trapping(
+    point_map: PointMap, attractor: Attractor, extent: Floats, before: Neighbourhood
+) -> Neighbourhood | None:
+    """Return ellipsoids like those that an attractor had at another value of a parameter, once they are verified.
+
+    Surfaces are tested as in :func:`trapping_neighbourhood`, from the first on which the map is nearly linear; where
+    the steps between them are wider, factors on consecutive surfaces count with half of their difference.  None where
+    the ellipsoids would have to be much smaller than they were, or differ in more than size.
+    """
+    if len(before.centres) != len(attractor.points):
+        return None
+    exact, rounds = point_map.without_table, _rounds(attractor)
+    limit, d = _limit(exact, attractor, extent), exact.dimension
+    radii, fine = _around(_FINE.get(d, 1.1), d)
+    contraction = 0.5 * (1.0 + float(np.abs(attractor.multipliers[0])) ** rounds)
+    steps, metrics, worst = jacobian(exact, attractor.points), list[Floats](), 0.0
+    for k, (centre, metric) in enumerate(zip(attractor.points, before.metrics, strict=True)):
+        matrix = np.linalg.matrix_power(_product(np.roll(steps, -k, axis=0)), rounds)
+        scaled = metric * np.outer(limit, limit)
+        shells = _Shells(exact, centre, rounds * attractor.period, matrix, scaled, contraction, limit)
+        factors, remainders = shells.factors(radii[: fine + 3])
+        if not (remainders <= _ALL_BUT_LINEAR * shells.margin).any():
+            further = shells.factors(radii[fine + 3 :])
+            factors, remainders = np.append(factors, further[0]), np.append(remainders, further[1])
+        begun = int(np.argmax(remainders <= _ALL_BUT_LINEAR * shells.margin))
+        bounds = np.maximum(factors, np.append(factors[1:], 0.0))
+        bounds[fine:-1] += 0.5 * np.abs(np.diff(factors[fine:]))
+        # Within a surface that may be taken all others have to pass as far as the one on which the map is nearly linear.
+        bounds[begun], bounds[begun + 1 :] = factors[begun], 0.0
+        bounds = np.maximum.accumulate(bounds[::-1])[::-1]
+        good = (bounds[: fine + 1] <= shells.allowed) & (radii[: fine + 1] <= (1.0 + 1e-9) * shells.largest)
+        if not good.any() or not remainders[begun] <= _ALL_BUT_LINEAR * shells.margin:
+            return None
+        taken = int(np.argmax(good))
+        metrics.append(metric / radii[taken] ** 2)
+        worst = max(worst, shells.linear, float(bounds[taken]))
+    return Neighbourhood(attractor.points, np.array(metrics), worst ** (1.0 / rounds))
+
+
+def _around(fine: float, dimension: int) -> tuple[Floats, int]:
+    """Return radii of surfaces from above 1 to a tenth, and how many of them are fine steps apart."""
+    if dimension == 1:
+        radii = fine ** -np.arange(-1.0, np.log(_FARTHEST_IN) / np.log(fine))
+        return radii, len(radii) - 1
+    near, wider = fine ** -np.arange(-1.0, 4.0), fine**4
+    return np.append(near, near[-1] * wider ** -np.arange(1.0, np.log(_FARTHEST_IN) / np.log(wider))), len(near) - 1
+
+
+def _limit(exact: PointMap, attractor: Attractor, extent: Floats) -> Floats:
+    """Return the largest half-widths of ellipsoids."""
+    turn = turns_of(exact.coordinates)[1]
+    # Rounding far away from the origin would hide all that happens in a tiny region.
+    extent = extent * max(1.0, float((_NARROWEST * np.abs(attractor.points) / extent).max()))
+    reach = _FARTHEST * (1.0 + np.abs(attractor.points).max(axis=0))
+    return np.minimum(np.where(turn > 0, np.minimum(extent, turn), extent) / 4.0, reach)
 
 
 def _rounds(attractor: Attractor) -> int:
@@ -207,7 +260,7 @@ class _Shells:
         if radius not in self.seen:
             radii = radius * _COARSE[1] ** np.arange(float(min(ahead, self.together)))
             radii = radii[radii <= max(radius, _COARSE[1] * _SMALL * self.largest)]
-            self.seen |= zip(radii.tolist(), zip(*self._factors(radii), strict=True), strict=True)
+            self.seen |= zip(radii.tolist(), zip(*self.factors(radii), strict=True), strict=True)
         factor, remainder = self.seen[radius]
         fraction = float(remainder) / self.margin
         if fraction <= _ALL_BUT_LINEAR and factor <= self.allowed:
@@ -223,7 +276,7 @@ class _Shells:
                 radii += np.minimum(radii[-1] * steps, self.largest).tolist()
             for part in slices(len(radii) - 1, self.together):
                 batch = np.array(radii[1:][part])
-                factors, _ = self._factors(batch)
+                factors, _ = self.factors(batch)
                 failed = np.flatnonzero(~(factors <= self.allowed))
                 passed = int(failed[0]) if len(failed) else len(batch)
                 if passed:
@@ -242,7 +295,7 @@ class _Shells:
         self.radius = float(radii[np.argmax(inside)]) if inside.any() else 0.0
         return self.radius > 0.0
 
-    def _factors(self, radii: Floats) -> tuple[Floats, Floats]:
+    def factors(self, radii: Floats) -> tuple[Floats, Floats]:
         """Bound the factor by which distances change in one period of the attractor; also return nonlinear remainders.
 
         The smaller of two bounds for each surface: the factors observed, and the linear part plus the observed

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,10 +23,12 @@ from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind
+from .continuation_maps import MapsOverValues
 from .continuation_record import BasinContinuation, ContinuationInterrupt, count_initial_conditions
+from .continuation_states import LabelsOverValues
 from .finding import find_basins
+from .initial_conditions import InitialConditions
 from .label_store import basins_memory
-from .record import Basins
 
 _SEEDS = 4  # points of a former attractor from which it is sought again,
 _ASIDE = 1e-3  # and as many beside them, at this part of the extent: it may have lost its stability
@@ -142,17 +144,19 @@ def continue_basins(
     extent = region_extent(point_map, _corners(given))
     began = time.perf_counter()
     done = (
-        _Done([], [], [], 0, 0.0) if resume is None else _resumed(resume, point_map, parameter, axis, given, settings)
+        _Done() if resume is None else _resumed(resume, point_map, parameter, axis, given, settings)
     )
 
     def result() -> BasinContinuation:
         return done.result(point_map, parameter, axis, given, settings, time.perf_counter() - began)
 
     label = f"basins of {point_map.name} against {parameter}" if progress else None
+    maps = MapsOverValues(point_map, parameter, axis)
+    labels = LabelsOverValues(maps, axis, InitialConditions.of(given, point_map))
     with progress_bar(axis.size - len(done.attractors), label) as tick:
-        for value in axis[len(done.attractors) :]:
+        for number in range(len(done.attractors), axis.size):
             try:
-                done.add(*_step(point_map.with_params(**{parameter: float(value)}), given, settings, done, extent))
+                done.add(_step(maps.at(number), labels, given, settings, done, extent))
             except KeyboardInterrupt as interrupt:
                 raise ContinuationInterrupt(result()) from interrupt
             tick(1)
@@ -163,17 +167,19 @@ def continue_basins(
 class _Done:
     """What is known of the values that are done."""
 
-    attractors: list[dict[int, Attractor]]
-    counts: list[dict[int, int]]
-    inaccurate: list[int]
-    steps: int
-    seconds: float
+    attractors: list[dict[int, Attractor]] = field(default_factory=list)
+    counts: list[dict[int, int]] = field(default_factory=list)
+    inaccurate: list[int] = field(default_factory=list)
+    audited: list[tuple[int, int]] = field(default_factory=list)
+    steps: int = 0
+    seconds: float = 0.0
 
-    def add(self, found: dict[int, Attractor], counts: dict[int, int], basins: Basins) -> None:
-        self.attractors.append(found)
-        self.counts.append(counts)
-        self.inaccurate.append(basins.inaccurate)
-        self.steps += basins.cost.steps
+    def add(self, value: _Value) -> None:
+        self.attractors.append(value.attractors)
+        self.counts.append(value.counts)
+        self.inaccurate.append(value.inaccurate)
+        self.audited.append(value.audited)
+        self.steps += value.steps
 
     def memory(self) -> dict[int, Attractor]:
         """Return each attractor as it was seen last."""
@@ -205,13 +211,29 @@ class _Done:
             params={key: value for key, value in point_map.params.items() if key != name},
             settings=settings,
             cost=Cost(seconds=self.seconds + seconds, steps=self.steps),
+            audited=np.array(self.audited, np.int64).reshape(-1, 2),
         )
 
 
+class _Value(NamedTuple):
+    """What was found at a value: attractors and counts by label, and what :class:`BasinContinuation` has of labels."""
+
+    attractors: dict[int, Attractor]
+    counts: dict[int, int]
+    inaccurate: int
+    audited: tuple[int, int]
+    steps: int
+
+
 def _step(
-    point_map: PointMap, initial_conditions: CellGrid | Floats, settings: Mapping[str, Any], done: _Done, extent: Floats
-) -> tuple[dict[int, Attractor], dict[int, int], Basins]:
-    """Return the attractors by label, the counts, and the basins at one value."""
+    point_map: PointMap,
+    over_values: LabelsOverValues,
+    initial_conditions: CellGrid | Floats,
+    settings: Mapping[str, Any],
+    done: _Done,
+    extent: Floats,
+) -> _Value:
+    """Return what is found at the next value."""
     limits = settings["max_periods"], settings["longest_period"]
     memory = done.memory()
     known: tuple[Attractor, ...] = ()
@@ -219,13 +241,20 @@ def _step(
         known = continue_attractors(point_map, tuple(done.attractors[-1].values()), extent)
         seeds = np.concatenate([_seeds(memory, extent), _outermost(initial_conditions)])
         known = find_attractors(point_map, seeds, *limits, attractors=known)
-    basins = find_basins(point_map, initial_conditions, *limits, attractors=known)
-    found = [*basins.attractors, *(a for a in known if not any(a is b for b in basins.attractors))]
+    quick = over_values.at(len(done.attractors), point_map, known, lambda k: [*done.attractors[k].values()], limits[0])
+    audited = (0, 0) if quick is None else (quick.audited, quick.differing)
+    if quick is None or quick.differing:
+        basins = find_basins(point_map, initial_conditions, *limits, attractors=known)
+        found = [*basins.attractors, *(a for a in known if not any(a is b for b in basins.attractors))]
+        numbers, inaccurate = {k: f.count for k, f in basins.fractions.items()}, basins.inaccurate
+        steps = basins.cost.steps
+    else:
+        found, inaccurate, steps = list(known), 0, quick.tally.steps
+        numbers = dict(enumerate(np.bincount(quick.labels, minlength=len(known)).tolist()))
     before = done.attractors[-1] if done.attractors else {}
     labels = persistent_labels(found, before, memory, extent, settings["threshold"])
-    fractions = basins.fractions
-    counts = {labels[k] if k >= 0 else k: f.count for k, f in fractions.items()}
-    return {labels[k]: _light(a) for k, a in enumerate(found)}, counts, basins
+    counts = {labels[k] if k >= 0 else k: count for k, count in numbers.items()}
+    return _Value({labels[k]: _light(a) for k, a in enumerate(found)}, counts, inaccurate, audited, steps)
 
 
 def _seeds(memory: Mapping[int, Attractor], extent: Floats) -> Floats:
@@ -290,4 +319,5 @@ def _resumed(
         for row, now in zip(resume.counts, resume.present, strict=True)
     ]
     attractors = [dict(found) for found in resume.attractors]
-    return _Done(attractors, counts, resume.inaccurate.tolist(), resume.cost.steps, resume.cost.seconds)
+    audited = [(0, 0)] * len(attractors) if resume.audited is None else list(map(tuple, resume.audited.tolist()))
+    return _Done(attractors, counts, resume.inaccurate.tolist(), audited, resume.cost.steps, resume.cost.seconds)

@@ -65,6 +65,10 @@ class BasinContinuation(ConvertsToXarray):
         Arguments of :func:`continue_basins`.
     cost : Cost
         Wall time and steps of the map.
+    audited : ndarray of int, shape (n, 2)
+        Where labels are found from states that are interpolated over the parameter: the number of initial conditions
+        that are labelled from their beginning as well, and how many of these differ.  If any does, all labels of the
+        value are found from the beginning, as they are where both numbers are 0.
     """
 
     _layout: ClassVar = Layout(
@@ -79,6 +83,7 @@ class BasinContinuation(ConvertsToXarray):
             "standard_errors": Array("{parameter} label", "standard error of the fraction"),
             "present": Array("{parameter} label", "the attractor exists, or the label occurs"),
             "inaccurate": Array("{parameter}", "orbits that missed the tolerance"),
+            "audited": Array("{parameter} audit", "initial conditions labelled twice, and those that differ"),
         },
         {"labels": ""},
     )
@@ -95,6 +100,7 @@ class BasinContinuation(ConvertsToXarray):
     params: Mapping[str, float]
     settings: Mapping[str, Any]
     cost: Cost = Cost()
+    audited: Ints | None = None
 
     def __repr__(self) -> str:
         number = sum(label >= 0 for label in self.labels)
