@@ -139,13 +139,13 @@ def still_trapping(
         scaled = metric * np.outer(limit, limit)
         shells = _Shells(exact, centre, rounds * attractor.period, matrix, scaled, contraction, limit)
         factors, remainders = shells.factors(radii[: fine + 3])
-        if not (remainders <= _ALL_BUT_LINEAR * shells.margin).any():
+        if len(factors) < len(radii) and not (remainders <= _ALL_BUT_LINEAR * shells.margin).any():
             further = shells.factors(radii[fine + 3 :])
             factors, remainders = np.append(factors, further[0]), np.append(remainders, further[1])
         begun = int(np.argmax(remainders <= _ALL_BUT_LINEAR * shells.margin))
         bounds = np.maximum(factors, np.append(factors[1:], 0.0))
         bounds[fine:-1] += 0.5 * np.abs(np.diff(factors[fine:]))
-        # Within a surface that may be taken all others have to pass as far as the one on which the map is nearly linear.
+        # Inside of one that is taken all have to pass as far as the one on which the map is nearly linear.
         bounds[begun], bounds[begun + 1 :] = factors[begun], 0.0
         bounds = np.maximum.accumulate(bounds[::-1])[::-1]
         good = (bounds[: fine + 1] <= shells.allowed) & (radii[: fine + 1] <= (1.0 + 1e-9) * shells.largest)

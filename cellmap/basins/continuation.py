@@ -132,9 +132,7 @@ def continue_basins(
         "longest_period": affordable_period(longest_period),
         "threshold": finite_number("threshold", threshold, above=0.0),
     }
-    specified = point_map.without_table.specified
-    for value in axis:
-        specified.with_params({**point_map.params, parameter: float(value)})
+    maps = MapsOverValues(point_map, parameter, axis)
     kept = 8 * _KEPT * point_map.dimension * axis.size
     claim_memory(
         f"basins of {total:,} initial conditions at {axis.size:,} values",
@@ -143,15 +141,12 @@ def continue_basins(
     )
     extent = region_extent(point_map, _corners(given))
     began = time.perf_counter()
-    done = (
-        _Done() if resume is None else _resumed(resume, point_map, parameter, axis, given, settings)
-    )
+    done = _Done() if resume is None else _resumed(resume, point_map, parameter, axis, given, settings)
 
     def result() -> BasinContinuation:
         return done.result(point_map, parameter, axis, given, settings, time.perf_counter() - began)
 
     label = f"basins of {point_map.name} against {parameter}" if progress else None
-    maps = MapsOverValues(point_map, parameter, axis)
     labels = LabelsOverValues(maps, axis, InitialConditions.of(given, point_map))
     with progress_bar(axis.size - len(done.attractors), label) as tick:
         for number in range(len(done.attractors), axis.size):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from dataclasses import replace
 from typing import NamedTuple
 
 from .._lib.arrays import Floats
@@ -28,28 +28,33 @@ class MapsOverValues:
     """
 
     def __init__(self, point_map: PointMap, parameter: str, values: Floats) -> None:
-        self._map, self._parameter, self._values = point_map, parameter, values
+        self._spec, self._parameter, self._values = point_map.specified, parameter, values
+        exact = point_map.without_table.specified
+        # A value that the system refuses is told before anything is computed.
+        self._exact = [exact.with_params({**point_map.params, parameter: float(value)}) for value in values]
         self._known: dict[tuple[int, int], ParameterTable | None] = {}
 
     def at(self, number: int) -> PointMap:
         """Return the map at the value with this number."""
-        value, window = float(self._values[number]), self.window(number)
-        return self._map.with_params(**{self._parameter: value}) if window is None else window.table.at(value)
+        window, exact = self.window(number), self._exact[number].build()
+        if window is not None:
+            return window.table.at(float(self._values[number]), exact)
+        return replace(self._spec, exact=exact, table=None).build() if isinstance(self._spec, Interpolated) else exact
 
     def window(self, number: int) -> Window | None:
         """Return the tables that serve at the value with this number, None where it has one of its own."""
         low, high = 0, len(self._values)
-        while self._spec is not None and high - low >= FEWEST:
+        while isinstance(self._spec, Interpolated) and high - low >= FEWEST:
             if (low, high) not in self._known:
-                ends = sorted((float(self._values[low]), float(self._values[high - 1])))
-                self._known[low, high] = tables_over(self._spec, self._parameter, *ends, high - low)
+                ends = self.interval(low, high)
+                self._known[low, high] = tables_over(self._spec, self._parameter, ends, high - low)
             if (table := self._known[low, high]) is not None:
                 return Window(table, low, high)
             middle = (low + high) // 2
             low, high = (low, middle) if number < middle else (middle, high)
         return None
 
-    @cached_property
-    def _spec(self) -> Interpolated | None:
-        spec = self._map.spec
-        return spec if isinstance(spec, Interpolated) else None
+    def interval(self, low: int, high: int) -> tuple[float, float]:
+        """Return the interval of the values with numbers from `low` to before `high`."""
+        ends = float(self._values[low]), float(self._values[high - 1])
+        return min(ends), max(ends)

@@ -15,8 +15,7 @@ from .._lib.checks import claim_memory
 from .._lib.threads import run_over, slices
 from ..attractors.settling import Catalogue, settle
 from ..maps.coordinates import turns_of
-from ..maps.interpolation.interpolated import allowed_errors
-from ..maps.interpolation.over_parameter import CHECKED, PART, Chebyshev, ParameterTable, combined
+from ..maps.interpolation.over_parameter import CHECKED, Chebyshev, ParameterTable, combined, errors_over_parameter
 from ..maps.orbit_batch import NOTHING, Orbits, Status, Tally
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
@@ -59,14 +58,6 @@ class StatesOverParameter:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
-    """How states are interpolated for values of a parameter: for so many at a time, so many periods ahead."""
-
-    values: int
-    steps: tuple[int, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class _Nodes:
     """Maps at the nodes and where errors are measured."""
 
@@ -76,15 +67,17 @@ class _Nodes:
     allowed: Floats
 
     @classmethod
-    def of(cls, table: ParameterTable, low: float, high: float) -> _Nodes:
-        nodes = Chebyshev(low, high, _NODES)
+    def of(cls, table: ParameterTable, interval: tuple[float, float]) -> _Nodes:
+        nodes = Chebyshev(*interval, _NODES)
         values = nodes.placed(CHECKED)
         maps = [table.at(value) for value in (*nodes.nodes.tolist(), *values.tolist())]
-        return cls(nodes, maps, values, PART * allowed_errors(table.spec.grid, table.spec.order, table.spec.tolerance))
+        return cls(nodes, maps, values, errors_over_parameter(table.spec))
 
-    def ahead(self, points: Floats, steps: Sequence[int]) -> Iterator[tuple[int, Floats, Bools, list[Orbits]]]:
-        """Yield states (nodes, n, d) after each number of periods, and of which initial conditions they are certain."""
-        batches = [Orbits.starting(points.copy()) for _ in self.maps]
+    def ahead(self, batches: Sequence[Orbits], steps: Sequence[int]) -> Iterator[tuple[int, Floats, Bools]]:
+        """Move orbits on that begin together, a batch for each map.
+
+        Yield the states (nodes, n, d) after each number of periods, and which of them may be interpolated.
+        """
         turn, scales = turns_of(self.maps[0].coordinates)[1], self.nodes.scales(self.values)
         for begin, end in pairwise((0, *steps)):
             for orbits, point_map in zip(batches, self.maps, strict=True):
@@ -95,7 +88,16 @@ class _Nodes:
                 missed = combined(self.nodes.factors(value), states[:_NODES], np.empty_like(exact)) - exact
                 with np.errstate(invalid="ignore"):
                     sure &= (scale * np.abs(missed) <= self.allowed).all(axis=-1)
-            yield end, states[:_NODES], sure, batches
+            yield end, states[:_NODES], sure
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """How states are interpolated for values of a parameter: for so many at a time, so many periods ahead."""
+
+    values: int
+    steps: tuple[int, ...]
+    nodes: _Nodes  # of the first of them
 
 
 def plan_of(
@@ -114,26 +116,27 @@ def plan_of(
         return None
     lasts = np.where(settled.times >= 0, settled.times, _PATIENCE)
     best, least, number = None, _WORTH_IT * float(lasts.mean()), len(values)
-    while number > 2 * _NODES:
-        ends = sorted((float(values[0]), float(values[number - 1])))
+    while best is None and number > 2 * _NODES:
+        ends = float(values[[0, number - 1]].min()), float(values[[0, number - 1]].max())
         ahead = np.zeros(len(rows), int)
-        for end, _, sure, _ in _Nodes.of(table, *ends).ahead(points, PERIODS):
+        nodes = _Nodes.of(table, ends)
+        batches = [Orbits.starting(points.copy()) for _ in nodes.maps]
+        for end, _, sure in nodes.ahead(batches, PERIODS):
             ahead[sure] = end
             made = (_NODES + len(CHECKED)) * end / number
             looked_up = float(np.maximum(lasts - ahead, 0).mean()) + _OVERHEAD + made
             if looked_up < least:
-                best, least = Plan(number, PERIODS[: PERIODS.index(end) + 1]), looked_up
-        if best is not None:
-            return best
+                best, least = Plan(number, tuple(p for p in PERIODS if p <= end), nodes), looked_up
         number = -(-number // 2)
-    return None
+    return best
 
 
 def states_over(
-    table: ParameterTable, low: float, high: float, initial_conditions: InitialConditions, plan: Plan
+    table: ParameterTable, interval: tuple[float, float], initial_conditions: InitialConditions, plan: Plan
 ) -> StatesOverParameter:
     """Return states of all initial conditions over an interval of the parameter."""
-    nodes, total = _Nodes.of(table, low, high), len(initial_conditions)
+    known = (plan.nodes.nodes.low, plan.nodes.nodes.high) == interval
+    nodes, total = plan.nodes if known else _Nodes.of(table, interval), len(initial_conditions)
     d = nodes.maps[0].dimension
     claim_memory(f"states of {total:,} initial conditions", states_memory(total, d), "take fewer initial conditions")
     states, periods = np.empty((_NODES, total, d)), np.zeros(total, np.int16)
@@ -145,10 +148,11 @@ def states_over(
         points = initial_conditions.wrapped(part, nodes.maps[0])
         mine, reached = states[:, part], periods[part]
         mine[:] = points
-        for end, now, sure, batches in nodes.ahead(points, plan.steps):
+        batches = [Orbits.starting(points.copy()) for _ in nodes.maps]
+        for end, now, sure in nodes.ahead(batches, plan.steps):
             mine[:, sure], reached[sure] = now[:, sure], end
         looked_up, evaluations = (sum(getattr(b.work, name) for b in batches) for name in ("look_ups", "evaluations"))
-        tallies[number] = Tally(len(points) * len(batches) * end, 0, evaluations, looked_up)
+        tallies[number] = Tally(len(points) * len(batches) * plan.steps[-1], 0, evaluations, looked_up)
 
     run_over(range(len(parts)), work)
     return StatesOverParameter(nodes.nodes, states, periods, Tally(*tallies.sum(axis=0).tolist()))
@@ -199,8 +203,8 @@ class LabelsOverValues:
         states = self._states_at(number, window)
         value = float(self._values[number])
         limit = min(_PATIENCE, max_periods - max(PERIODS))
-        return None if states is None else labels_from(
-            states, value, number, point_map, self._places, attractors, limit
+        return (
+            None if states is None else labels_from(states, value, number, point_map, self._places, attractors, limit)
         )
 
     def _states_at(self, number: int, window: Window) -> StatesOverParameter | None:
@@ -209,10 +213,10 @@ class LabelsOverValues:
             return None
         low = number - (number - window.low) % plan.values
         if self._states[0] != low:
-            ends = sorted(self._values[[low, min(low + plan.values, window.high) - 1]].tolist())
+            ends = self._maps.interval(low, min(low + plan.values, window.high))
             self._states = low, None  # so that the former ones need no memory
             with suppress(MemoryError):
-                self._states = low, states_over(window.table, *ends, self._places, plan)
+                self._states = low, states_over(window.table, ends, self._places, plan)
         return self._states[1]
 
 

@@ -17,6 +17,7 @@ from ..attractors.matching import persistent_labels, thinned
 from ..attractors.search import find_attractors
 from ..maps.coordinates import difference
 from ..maps.interpolation.drafts import draft_of, examined
+from ..maps.interpolation.dragged import Dragged
 from ..maps.interpolation.interpolated import Interpolated
 from ..maps.point_map import PointMap
 from ..maps.specification import MapSpec
@@ -35,7 +36,8 @@ class Member:
     """A map of the family, and its attractors with their identities as far as they are known.
 
     ``before``: attractors of the map before, by identity, at the phase of this one; ``draft``: whether nothing is
-    verified yet, see `LiveFrame`; ``unexamined``: whether its table is a draft; ``key``: what it is known by.
+    verified yet, see `LiveFrame`; ``unexamined``: whether its table is a draft; ``combined``: or one that is combined
+    from tables over a parameter, with errors that are measured; ``key``: what it is known by.
     """
 
     point_map: PointMap
@@ -45,6 +47,7 @@ class Member:
     identities: list[int] = field(default_factory=list)
     draft: bool = False
     unexamined: bool = False
+    combined: bool = False
     key: Any = None
 
     def known(self) -> dict[int, Attractor]:
@@ -69,6 +72,7 @@ class Family:
         self._known: OrderedDict[Any, Member] = OrderedDict()
         self._memory: dict[int, Attractor] = {}
         self._last: Member | None = None  # made last
+        self._dragged = Dragged()
         self._phased: tuple[float | None, MapSpec[PointMap] | None] = (None, None)  # at the phase asked for last
 
     def member(self, changed: Mapping[str, float], phase: float | None, stop: Stop) -> Member:
@@ -106,7 +110,13 @@ class Family:
         if not regular:
             return Member(self._base if spec is None else spec.build(), phase, before, key=key)
         drafted = isinstance(spec, Interpolated)
-        point_map = self._base if spec is None else draft_of(spec) if isinstance(spec, Interpolated) else spec.build()
+        combined = self._dragged.map_of(spec, phase) if isinstance(spec, Interpolated) else None
+        if combined is not None:
+            point_map = combined
+        else:
+            point_map = (
+                self._base if spec is None else draft_of(spec) if isinstance(spec, Interpolated) else spec.build()
+            )
         gone = {k: a for k, a in self._memory.items() if k not in regular and a.neighbourhood is not None}
         followed = {**regular, **dict(list(gone.items())[-_TRIED:])}
         names = list(followed)
@@ -116,7 +126,7 @@ class Family:
             if orbit.neighbourhood is not None and (names[k] in regular or self._is_new(orbit, kept)):
                 kept[names[k]] = orbit
         place = Member(point_map, phase, before, list(kept.values()), list(kept), key=key)
-        return replace(place, draft=True, unexamined=drafted)
+        return replace(place, draft=True, unexamined=drafted, combined=combined is not None)
 
     def _is_new(self, orbit: Attractor, known: Mapping[int, Attractor]) -> bool:
         """Tell whether an orbit, to which one leads that was lost, has no point of another one."""
@@ -130,7 +140,11 @@ class Family:
         """Return a map with its table examined, and its attractors with verified regions."""
         with self._making:
             stop.check()
-            point_map = examined(draft.point_map) if draft.unexamined else draft.point_map
+            spec = draft.point_map.spec
+            if draft.combined and isinstance(spec, Interpolated):
+                point_map = replace(spec, table=None).build()
+            else:
+                point_map = examined(draft.point_map) if draft.unexamined else draft.point_map
             stop.check()
             found = with_regions(point_map, draft.known(), self._extent)
             circles = {k: a for k, a in draft.before.items() if a.kind is Kind.QUASIPERIODIC}

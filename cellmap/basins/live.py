@@ -22,7 +22,7 @@ from .family import Family, Member
 from .initial_conditions import InitialConditions
 from .refining import BasinFrame, refinement
 
-_PREVIEWED = 2  # strides that are drawn before anything is verified
+_PREVIEWED = 2  # strides that are drawn before anything is verified, all where a table's error is known
 _NOTHING = 2**62  # stride of an image in which nothing is labelled
 
 
@@ -44,7 +44,8 @@ class LiveFrame(BasinFrame):
         Phase of the forcing, None for the family's own.
     preview : bool
         Whether trapping regions are those of the parameters before, around the orbits of these ones, and the table is
-        not examined yet.  The frames that follow rest on what is verified.
+        not examined yet, or combined from tables at other values of the one parameter that is being changed.  The
+        frames that follow rest on what is verified, and on a table of their own.
     """
 
     identities: tuple[int, ...] = ()
@@ -95,7 +96,8 @@ class LiveBasins:
     ----------
     point_map : PointMap
         A map of the family: exact, interpolated or discrete.  An interpolated map is computed again on the same grid
-        for other parameters.
+        for other parameters.  While one parameter is changed again and again, its previews come from tables over this
+        parameter, and go down to every initial condition.
     initial_conditions : CellGrid or array_like, shape (..., dimension)
         Initial conditions of requests that name no others.
     max_periods, longest_period : int, optional
@@ -196,7 +198,7 @@ class LiveBasins:
             self._newest = stop
 
         def frames_of(place: Member) -> Iterator[LiveFrame]:
-            known, first = tuple(place.attractors), _PREVIEWED if place.draft else 1
+            known, first = tuple(place.attractors), self._previewed(place) if place.draft else 1
             for frame in refinement(
                 place.point_map, places, self._limits, known, self._stride, near, interval, stop, first
             ):
@@ -210,7 +212,7 @@ class LiveBasins:
                     for frame in frames_of(place):
                         finest = frame.stride
                         yield frame
-                        if finest <= max(1, self._stride >> (_PREVIEWED - 1)):
+                        if finest <= max(1, self._stride >> (self._previewed(place) - 1)):
                             break
                     place = self._family.verified(place, stop)
             except Stopped:
@@ -229,6 +231,10 @@ class LiveBasins:
         for frame in self.frames(params, **request):  # noqa: B007
             pass
         return frame
+
+    def _previewed(self, place: Member) -> int:
+        """Return how many strides of an image are drawn before anything is verified."""
+        return self._stride.bit_length() if place.combined else _PREVIEWED
 
     def _identified(self, frame: BasinFrame, place: Member) -> LiveFrame:
         """Return a frame with the identities of its attractors, and the news since the last complete frame."""

@@ -24,7 +24,8 @@ from cellmap import (
 )
 from cellmap._compiled.codegen.rebind import rebind
 from cellmap.attractors import continue_attractors
-from cellmap.attractors.trapping import _COARSE_AHEAD, extent_of_motion, trapping_neighbourhood
+from cellmap.attractors.continued import orbits_followed
+from cellmap.attractors.trapping import _COARSE_AHEAD, extent_of_motion, still_trapping, trapping_neighbourhood
 from cellmap.maps import side_by_side
 from cellmap.maps.coordinates import difference
 from cellmap.orbits.newton import stable_orbit
@@ -355,3 +356,39 @@ def test_extent_of_motion_leaves_out_orbits_that_end_and_angles():
     assert extent == pytest.approx([2.5, 4 * 20.0 - 3.0, 2 * pi], rel=1e-6)
     window = CellGrid((0.0, -1.0, -pi), (0.9, 30.0, pi), (8, 8, 8))
     assert extent_of_motion(interpolated_map(away, window), states, np.ones(3)).tolist() == [1.0, 1.0, 1.0]
+
+
+def test_regions_of_other_parameters_once_they_are_verified() -> None:
+    """Those of an attractor, moved with it, are about as wide as the ones that are sought anew, and as safe."""
+    system = systems.driven_pendulum(amplitude=0.003)
+    window = CellGrid((-pi, -500.0), (pi, 500.0), (6, 6))
+    before, extent = stroboscopic_map(system), np.array([2 * pi, 1000.0])
+    known = find_attractors(before, window.centres().reshape(-1, 2))
+    after = stroboscopic_map(system.with_params(amplitude=0.0031))
+    followed = orbits_followed(after, known, extent)
+    assert len(followed) == len(known) == 4
+    for orbit in followed.values():
+        region = still_trapping(after, orbit, extent, orbit.neighbourhood)
+        sought = trapping_neighbourhood(after, orbit, extent)
+        assert region is not None and sought is not None
+        sizes = [np.linalg.det(n.metrics[0]) ** -0.25 for n in (region, sought)]
+        assert 0.7 < sizes[0] / sizes[1] < 1.2
+        mine = with_neighbourhood(orbit, region)
+        points = points_inside(mine, 200)
+        assert (distance(mine, after(points)) <= region.contraction * distance(mine, points) + 1e-9).all()
+
+
+@pytest.mark.parametrize("a", [0.3, 0.9])
+def test_regions_that_were_too_wide_or_of_another_attractor_are_not_taken(a: float) -> None:
+    """The basin of 0 under x -> a x + x^3 ends at sqrt(1 - a) (see `cubic`)."""
+    exact, extent = cubic(a), np.array([4.0])
+    (attractor,) = find_attractors(exact, [[0.1]])
+    region = attractor.neighbourhood
+    again = still_trapping(exact, attractor, extent, region)
+    assert again is not None
+    assert again.metrics[0, 0, 0] == pytest.approx(region.metrics[0, 0, 0], rel=0.05)
+    wider = replace(region, metrics=region.metrics / 9.0)
+    found = still_trapping(exact, attractor, extent, wider)
+    assert found is None or found.metrics[0, 0, 0] ** -0.5 < sqrt(1.0 - a)
+    two = replace(region, centres=np.zeros((2, 1)), metrics=np.ones((2, 1, 1)))
+    assert still_trapping(exact, attractor, extent, two) is None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -27,15 +27,15 @@ F = TypeVar("F", np.float32, np.float64)
 FEWEST = 16
 """Values of a parameter from which tables over it are worth a try."""
 
-PART = 1e-3
-"""Largest error of the interpolation over the parameter, in errors that cells of the table are allowed."""
+_PART = 1e-3, 0.1  # errors over the parameter, in errors that cells are allowed: small, and the largest
 
 _LEVELS = (5, 9)  # Chebyshev nodes; those of a level are among those of the next
 CHECKED = np.array([0.85, -0.55])
 """Places between nodes, from -1 to 1, at which errors are measured."""
 
 _SAMPLE = 1024  # nodes of the grid from which the level is chosen, before any table is made
-_LOST = 0.01  # fraction of the cells that may become fallback cells
+_LOST = 0.02  # fraction of the cells that may become fallback cells,
+_MORE = 1.1  # beside so many times those that there are at one value
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,18 @@ class Chebyshev:
         return np.asarray(largest / np.abs(np.prod(values[:, None] - nodes, axis=1)))
 
 
-def combined(factors: Floats, arrays: Sequence[NDArray[F]], out: NDArray[F]) -> NDArray[F]:
+def errors_over_parameter(spec: Interpolated) -> Floats:
+    """Return the largest errors of interpolation over a parameter, for each coordinate.
+
+    They are small against those that cells of the table are allowed, and at least the tolerance of the exact map, where
+    that is a tenth of these at most.
+    """
+    allowed, (rtol, atol) = allowed_errors(spec.grid, spec.order, spec.tolerance), spec.exact.tolerance
+    own = atol + rtol * np.abs([spec.grid.lower, spec.grid.upper]).max(axis=0)
+    return np.clip(own, _PART[0] * allowed, _PART[1] * allowed)
+
+
+def combined(factors: Floats, arrays: Sequence[NDArray[F]] | NDArray[F], out: NDArray[F]) -> NDArray[F]:
     """Write the sum of arrays with factors, in this order."""
     np.multiply(arrays[0], out.dtype.type(factors[0]), out=out)
     for factor, array in zip(factors[1:], arrays[1:], strict=True):
@@ -111,8 +122,8 @@ class ParameterTable:
         """Tell whether a value of the parameter is in the interval."""
         return self.nodes.low <= value <= self.nodes.high
 
-    def at(self, value: float) -> PointMap:
-        """Return the interpolated map at a value of the parameter."""
+    def at(self, value: float, exact: PointMap | None = None) -> PointMap:
+        """Return the interpolated map at a value of the parameter, of the exact map there where that is known."""
         began = time.perf_counter()
         spec, grid, factors = self.spec, self.spec.grid, self.nodes.factors(value)
         first = self.tables[0].coefficients
@@ -125,34 +136,52 @@ class ParameterTable:
         allowed = allowed_errors(grid, spec.order, spec.tolerance) / grid.widths
         fallback = self.spoilt | ~(error <= allowed.min())
         table = CellTable(grid, spec.order, coefficients, error, fallback)
-        exact = spec.exact.with_params(**{self.parameter: value})
+        exact = spec.exact.with_params(**{self.parameter: value}) if exact is None else exact
         return replace(spec, exact=exact, table=table, cost=Cost(seconds=time.perf_counter() - began)).make()
 
 
-def tables_over(spec: Interpolated, parameter: str, low: float, high: float, values: int) -> ParameterTable | None:
-    """Return tables over a parameter for so many values in an interval.
+def tables_over(
+    spec: Interpolated, parameter: str, interval: tuple[float, float], values: int
+) -> ParameterTable | None:
+    """Return tables over a parameter for so many values in an interval, with both ends.
 
     None where they would be no fewer than half of the values, where the images of the nodes depend on the parameter in
     such a way that polynomials do not approximate them (jumps, kinks, nodes without image), and where there is no
     memory for them or no map at the nodes: then the table of each value is to be computed by itself.  The number of
     nodes is chosen by the errors that a sample shows; the error that remains is measured at values between the nodes.
     """
+    making = tables_in_steps(spec, parameter, interval, values)
+    try:
+        while True:
+            next(making)
+    except StopIteration as end:
+        return end.value
+
+
+def tables_in_steps(
+    spec: Interpolated, parameter: str, interval: tuple[float, float], values: int
+) -> Generator[None, None, ParameterTable | None]:
+    """Make :func:`tables_over` a parameter one after the other, for callers that have other things to do meanwhile."""
     spec = replace(spec, grid=spec.grid.on(spec.exact.coordinates), table=None)
-    most = (values - 2 * len(CHECKED)) // 2
-    if values < FEWEST or not high > low:
+    if values < FEWEST or not interval[0] < interval[1]:
         return None
     try:
-        needed = (max(_LEVELS) + 2) * table_memory(spec.grid, spec.order)
+        needed = (max(_LEVELS) + len(CHECKED)) * table_memory(spec.grid, spec.order)
         claim_memory(f"tables over {parameter}", needed, "take fewer cells")
-        maps = dict(_maps(spec, parameter, Chebyshev(low, high, _LEVELS[-1]).nodes))
-        number = _level(spec, list(maps.values()))
-        if number is None or number > most:
+        maps = [exact for _, exact in _maps(spec, parameter, Chebyshev(*interval, _LEVELS[-1]).nodes)]
+        number = _level(spec, maps)
+        if number is None or 2 * (number + len(CHECKED)) > values:
             return None
-        nodes = Chebyshev(low, high, number)
-        tables = tuple(_table(spec, maps[value]) for value in maps if value in nodes.nodes)
-        return _checked(spec, parameter, nodes, tables)
+        nodes, tables, measured = Chebyshev(*interval, number), list[CellTable](), list[tuple[Floats, Bools]]()
+        for exact in maps[:: (_LEVELS[-1] - 1) // (number - 1)]:
+            yield
+            tables.append(_table(spec, exact))
+        for value, exact in _maps(spec, parameter, nodes.placed(CHECKED)):
+            yield
+            measured.append(_missed(spec, exact, nodes.factors(value), tables))
     except (ValueError, ArithmeticError, MemoryError):  # a parameter that cannot have all values, for instance
         return None
+    return _accepted(spec, parameter, nodes, tables, measured)
 
 
 def _maps(spec: Interpolated, parameter: str, values: Floats) -> Iterator[tuple[float, PointMap]]:
@@ -163,8 +192,8 @@ def _maps(spec: Interpolated, parameter: str, values: Floats) -> Iterator[tuple[
 def _level(spec: Interpolated, maps: Sequence[PointMap]) -> int | None:
     """Choose the number of nodes from the images of a sample at the nodes of the last level, None if it is too few."""
     axes, grid = nodes_of(spec.grid, spec.order), spec.grid
-    chosen = np.random.default_rng(0).choice(number_of_nodes(grid, spec.order), _SAMPLE)
-    chosen = grid_points(axes, np.unique(chosen))
+    rows = np.random.default_rng(0).choice(number_of_nodes(grid, spec.order), _SAMPLE)
+    chosen = grid_points(axes, np.unique(rows))
     turn = turns_of(spec.exact.coordinates)[1]
     images, there = [], np.ones(len(chosen), bool)
     for exact in maps:
@@ -174,7 +203,7 @@ def _level(spec: Interpolated, maps: Sequence[PointMap]) -> int | None:
         there &= orbits.status < Status.ESCAPED
     every = np.array(images)[:, there]
     few, fine = (Chebyshev(-1.0, 1.0, number) for number in _LEVELS)
-    allowed, error = PART * allowed_errors(grid, spec.order, spec.tolerance), np.zeros(0)
+    allowed, error = errors_over_parameter(spec), np.zeros(0)
     for k in range(1, len(every), 2):
         missed = np.einsum("k,knd->nd", few.factors(fine.nodes[k]), every[::2]) - every[k]
         error = np.maximum(error, np.abs(missed)) if error.size else np.abs(missed)
@@ -194,26 +223,30 @@ def _table(spec: Interpolated, exact: PointMap) -> CellTable:
     return replace(smooth, indicator=indicator, fallback=fallback | spoilt)
 
 
-def _checked(
-    spec: Interpolated, parameter: str, nodes: Chebyshev, tables: tuple[CellTable, ...]
+def _missed(spec: Interpolated, exact: PointMap, factors: Floats, tables: Sequence[CellTable]) -> tuple[Floats, Bools]:
+    """Return the error of combined tables in each cell, by coordinate, and the cells next to nodes without image."""
+    coefficients, lost = spline_coefficients_of(exact, spec.grid, spec.order, False)
+    difference = combined(factors, [t.coefficients for t in tables], np.empty(coefficients.shape)) - coefficients
+    return _largest_in_cells(np.abs(difference), spec.grid, spec.order), lost
+
+
+def _accepted(
+    spec: Interpolated,
+    parameter: str,
+    nodes: Chebyshev,
+    tables: Sequence[CellTable],
+    measured: Sequence[tuple[Floats, Bools]],
 ) -> ParameterTable | None:
-    """Return tables with the error that is measured between their nodes, None where it is too large."""
-    missed, spoilt = np.zeros((*spec.grid.shape, spec.grid.dimension)), np.zeros(spec.grid.shape, bool)
-    values, before = nodes.placed(CHECKED), np.mean([t.fallback.mean() for t in tables])
-    measured = []
-    for value, exact in _maps(spec, parameter, values):
-        coefficients, lost = spline_coefficients_of(exact, spec.grid, spec.order, False)
-        out = np.empty(coefficients.shape)
-        difference = combined(nodes.factors(value), [t.coefficients for t in tables], out) - coefficients
-        measured.append(_largest_in_cells(np.abs(difference), spec.grid, spec.order))
-        spoilt |= lost
-    for error, scale in zip(measured, nodes.scales(values), strict=True):
-        missed = np.fmax(missed, scale * error)
-    allowed = allowed_errors(spec.grid, spec.order, spec.tolerance)
-    spoilt |= np.any([t.fallback for t in tables], axis=0) | ~(missed <= PART * allowed).all(axis=-1)
-    if spoilt.mean() > before + _LOST or before > 0.5:
+    """Return tables with the errors that were measured between their nodes, None where these are too large."""
+    scales = nodes.scales(nodes.placed(CHECKED))
+    missed = np.max([scale * error for scale, (error, _) in zip(scales, measured, strict=True)], axis=0)
+    allowed, before = errors_over_parameter(spec), [t.fallback for t in tables]
+    spoilt = np.any([*before, *(lost for _, lost in measured)], axis=0) | ~(missed <= allowed).all(axis=-1)
+    usual = float(np.mean(before))
+    if spoilt.mean() > _MORE * usual + _LOST or usual > 0.5:
         return None
-    return ParameterTable(spec, parameter, nodes, tables, (missed / spec.grid.widths).max(axis=-1).astype(np.float32), spoilt)
+    widest = (missed / spec.grid.widths).max(axis=-1).astype(np.float32)
+    return ParameterTable(spec, parameter, nodes, tuple(tables), widest, spoilt)
 
 
 def _largest_in_cells(values: Floats, grid: CellGrid, order: int) -> Floats:

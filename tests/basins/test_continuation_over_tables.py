@@ -1,0 +1,131 @@
+"""Sweeps over a parameter with tables and states over it: the labels of each value alone, audited."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, set_threads
+from cellmap.basins import ContinuationInterrupt, continuation, continuation_states, continue_basins
+from cellmap.basins.initial_conditions import InitialConditions
+
+WINDOW = CellGrid((-2.0, -2.0), (2.0, 2.0), (64, 64))
+PLACES = CellGrid((-1.5, -1.5), (1.5, 1.5), (40, 40))
+
+
+def wells(x, p):
+    """A damped step in x^4/4 - x^2/2 - tilt x: two wells where abs(tilt) < 2/sqrt(27) = 0.385."""
+    y = 0.8 * x[1] + p.h * (x[0] - x[0] ** 3 + p.tilt)
+    return x[0] + y, y
+
+
+def table(**params):
+    return interpolated_map(discrete_map(wells, {"h": 0.08, "tilt": 0.0, **params}, ("x", "y")), WINDOW)
+
+
+def alone(point_map, name, values):
+    """Return the counts of each attractor at each value, by the side on which it is, from a search at each value."""
+    counts = []
+    for value in values:
+        basins = find_basins(point_map.with_params(**{name: value}), PLACES)
+        sides = [int(a.points[0, 0] > 0) for a in basins.attractors]
+        counts.append([sum(basins.fractions[k].count for k, s in enumerate(sides) if s == side) for side in (0, 1)])
+    return counts
+
+
+def counts_by_side(sweep):
+    found = []
+    for row, attractors in zip(sweep.counts, sweep.attractors, strict=True):
+        by_label = dict(zip(sweep.labels, row.tolist(), strict=True))
+        sides = {k: int(a.points[0, 0] > 0) for k, a in attractors.items()}
+        found.append([sum(by_label[k] for k, s in sides.items() if s == side) for side in (0, 1)])
+    return found
+
+
+VALUES = np.linspace(0.08, 0.088, 40)
+
+
+@pytest.fixture(scope="module")
+def sweep():
+    return continue_basins(table(), "h", VALUES, PLACES)
+
+
+def test_labels_from_states_are_those_of_each_value_alone(sweep) -> None:
+    assert counts_by_side(sweep) == alone(table(), "h", VALUES)
+    # All but the first value by states, each with the audit of one in 64, and no difference.
+    assert (sweep.audited[0] == 0).all()
+    assert (sweep.audited[1:, 0] == PLACES.size // 64).all()
+    assert (sweep.audited[:, 1] == 0).all()
+    assert sweep.cost.steps < 0.7 * find_basins(table(), PLACES).cost.steps * len(VALUES)
+
+
+def test_each_label_is_that_of_the_whole_orbit() -> None:
+    icm, places = table(), InitialConditions.of(PLACES, table())
+    maps = continuation.MapsOverValues(icm, "h", VALUES)
+    window = maps.window(0)
+    first = find_basins(maps.at(0), PLACES).attractors
+    plan = continuation_states.plan_of(window.table, VALUES, places, first)
+    states = continuation_states.states_over(window.table, maps.interval(0, 40), places, plan)
+    assert states.periods.mean() > 4
+    for number in (3, 21):
+        point_map = maps.at(number)
+        basins = find_basins(point_map, PLACES)
+        found = continuation_states.labels_from(
+            states, VALUES[number], number, point_map, places, basins.attractors, 256
+        )
+        assert np.array_equal(found.labels, basins.labels.ravel())
+        # The states themselves are those to which the map leads.
+        rows = np.flatnonzero(states.periods == plan.steps[-1])[::50]
+        exact = point_map.iterate(places.points(rows), plan.steps[-1]).points
+        np.testing.assert_allclose(states.at(VALUES[number], slice(0, PLACES.size))[rows], exact, atol=1e-8)
+
+
+def test_a_window_with_bifurcations() -> None:
+    """A well vanishes at tilt = 2/sqrt(27) between two values, and another one is born at the opposite tilt."""
+    tilts = np.linspace(-0.42, 0.42, 22)
+    sweep = continue_basins(table(), "tilt", tilts, PLACES)
+    two = np.abs(tilts) < 2 / np.sqrt(27)
+    assert np.array_equal([len(found) for found in sweep.attractors], 1 + two)
+    assert counts_by_side(sweep) == alone(table(), "tilt", tilts)
+
+
+def test_an_audit_that_finds_a_difference_has_all_labels_found_again(monkeypatch, sweep) -> None:
+    before = continuation_states.StatesOverParameter.at
+
+    def wrong(self, value, part):
+        states = before(self, value, part)
+        return states[::-1] if value > VALUES[32] else states
+
+    monkeypatch.setattr(continuation_states.StatesOverParameter, "at", wrong)
+    again = continue_basins(table(), "h", VALUES, PLACES)
+    assert np.array_equal(again.counts, sweep.counts)
+    assert (again.audited[33:, 1] > 0).all()
+    assert (again.audited[:33, 1] == 0).all()
+
+
+def test_same_bits_on_any_number_of_threads_and_after_an_interruption(monkeypatch, sweep) -> None:
+    results = []
+    for threads in (1, 3):
+        set_threads(threads)
+        results.append(continue_basins(table(), "h", VALUES, PLACES))
+    set_threads(None)
+    step, seen = continuation._step, []
+
+    def interrupted(*arguments):
+        seen.append(1)
+        if len(seen) == 12:
+            raise KeyboardInterrupt
+        return step(*arguments)
+
+    monkeypatch.setattr(continuation, "_step", interrupted)
+    with pytest.raises(ContinuationInterrupt) as stop:
+        continue_basins(table(), "h", VALUES, PLACES)
+    results.append(continue_basins(table(), "h", VALUES, PLACES, resume=stop.value.partial))
+    assert len(stop.value.partial.values) == 11
+    for result in results:
+        assert np.array_equal(result.counts, sweep.counts)
+        assert np.array_equal(result.audited, sweep.audited)
+        for mine, theirs in zip(result.attractors, sweep.attractors, strict=True):
+            assert {k: a.points.tobytes() for k, a in mine.items()} == {
+                k: a.points.tobytes() for k, a in theirs.items()
+            }
