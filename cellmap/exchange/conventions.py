@@ -24,7 +24,7 @@ _PLAIN = (str, bool, int, float, Coordinate, CellGrid, Cost)  # types of fields 
 
 _OWN = (
     "labels settling_time evidence forward backward initial_condition attractor attractors point coordinate multiplier "
-    "counts fractions standard_errors present inaccurate label branch step direction restarted status period "
+    "counts fractions standard_errors present inaccurate audited label branch step direction restarted status period "
     "orbit_period chaotic rotation_numbers exponents exponent_errors exponent largest unstable boundary crossing below "
     "above refined initial_conditions state"
 )

@@ -359,7 +359,7 @@ def test_extent_of_motion_leaves_out_orbits_that_end_and_angles():
 
 
 def test_regions_of_other_parameters_once_they_are_verified() -> None:
-    """Those of an attractor, moved with it, are about as wide as the ones that are sought anew, and as safe."""
+    """Those of an attractor, moved with it, are about as wide as those of a new search, and as safe."""
     system = systems.driven_pendulum(amplitude=0.003)
     window = CellGrid((-pi, -500.0), (pi, 500.0), (6, 6))
     before, extent = stroboscopic_map(system), np.array([2 * pi, 1000.0])

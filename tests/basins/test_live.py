@@ -215,6 +215,40 @@ def test_many_threads_at_once_leave_the_image_of_the_last_request() -> None:
     assert len(image(live, {"gamma": 0.1}).attractors) == 2
 
 
+def test_a_parameter_that_is_dragged_has_previews_of_every_place_and_images_of_its_own() -> None:
+    """Once tables over the parameter are made, previews reach stride 1; the last image is that of the map alone."""
+
+    def wells(x, p):
+        y = 0.8 * x[1] + p.h * (x[0] - x[0] ** 3)
+        return x[0] + y, y
+
+    exact, nodes = discrete_map(wells, {"h": 0.08, "other": 0.0}, ("x", "y")), CellGrid((-2, -2), (2, 2), (48, 48))
+    point_map, grid = interpolated_map(exact, nodes), CellGrid((-1.5, -1.5), (1.5, 1.5), (40, 40))
+    live = LiveBasins(point_map, grid)
+    live.image()
+    finest = []
+    for k in range(1, 15):
+        previews = []
+        for frame in live.frames({"h": 0.08 + 1e-4 * k}):
+            if not frame.preview:
+                break
+            previews.append(frame)
+        finest.append(previews[-1].stride)
+    assert finest[:2] == [4, 4]
+    assert finest[-2:] == [1, 1]
+    *_, last = live.frames({"h": 0.0815})
+    alone = point_map.with_params(h=0.0815)
+    same_basins(last, alone, grid)
+    assert last.basins.point_map.table.coefficients.tobytes() == alone.table.coefficients.tobytes()
+    *_, preview, _ = [frame for frame in live.frames({"h": 0.0816}) if frame.preview or frame.complete]
+    assert (preview.preview, preview.stride) == (True, 1)
+    assert np.array_equal(preview.basins.labels, find_basins(point_map.with_params(h=0.0816), grid).labels)
+    # Another parameter has tables of its own, and the first change of it none.
+    first = next(live.frames({"h": 0.0816, "other": 1.0}))
+    assert first.preview
+    assert first.basins.point_map.params["other"] == 1.0
+
+
 def test_an_image_within_some_time_and_one_that_is_cancelled() -> None:
     live = LiveBasins(CONSERVATIVE, CellGrid((-0.4, -0.4), (0.4, 0.4), (100, 100)), 10**6)
     began = time.perf_counter()

@@ -249,8 +249,10 @@ def test_labels_against_heyoka(say):
         )
 
 
-def test_continuation(say, values=100, side=250):
-    grid, point_map = CellGrid(GRID.lower, GRID.upper, (side, side)), table(exact(0.003), 128)
+@pytest.mark.parametrize("amplitude", [0.003, 0.010], ids=["smooth", "fractal"])
+@pytest.mark.filterwarnings("ignore")
+def test_continuation(say, amplitude, values=100, side=250):
+    grid, point_map = CellGrid(GRID.lower, GRID.upper, (side, side)), table(exact(amplitude), 128)
     beta = point_map.params["beta"] * np.linspace(1.0, 1.1, values)
     began = time.perf_counter()
     sweep = continue_basins(point_map, "beta", beta, grid)
@@ -259,7 +261,29 @@ def test_continuation(say, values=100, side=250):
     for value in beta[:: values // 10]:
         find_basins(point_map.with_params(beta=float(value)), grid)
     alone = (time.perf_counter() - began) * values / 10
-    say(f"{values} values x {side} x {side}: continue_basins {followed:.1f} s, searched alone {alone:.1f} s; {sweep}")
+    say(
+        f"{values} values x {side} x {side} from {1e3 * amplitude:.0f} mm: continue_basins {followed:.2f} s, "
+        f"searched alone {alone / followed:.1f} times as long; labels audited, and different: "
+        f"{sweep.audited.sum(axis=0)}; {sweep}"
+    )
+
+
+def test_a_parameter_is_dragged(say):
+    """Previews of 250 x 250 while one parameter is changed in small steps, each until every place has a label."""
+    for amplitude in (0.003, 0.010):
+        point_map = table(exact(amplitude), 128)
+        live, value, seen = LiveBasins(point_map, CellGrid(GRID.lower, GRID.upper, (250, 250))), 0.0, []
+        live.image()
+        for k in range(1, 31):
+            value, times, began = point_map.params["beta"] * (1.0 + 2e-4 * k), {}, time.perf_counter()
+            for frame in live.frames({"beta": value}):
+                if not frame.preview:
+                    break
+                times[frame.stride] = 1e3 * (time.perf_counter() - began)
+            seen.append(times)
+        ms = {stride: float(np.median([times[stride] for times in seen[15:]])) for stride in (8, 4, 2, 1)}
+        listed = ", ".join(f"stride {stride} {taken:.0f}" for stride, taken in ms.items())
+        say(f"250 x 250 at {1e3 * amplitude:.0f} mm, one parameter dragged, ms to a preview: {listed}")
 
 
 def test_slice_of_the_double_pendulum(say, side=1000):
