@@ -127,7 +127,7 @@ def still_trapping(
     the steps between them are wider, factors on consecutive surfaces count with half of their difference.  None where
     the ellipsoids would have to be much smaller than they were, or differ in more than size.
     """
-    if len(before.centres) != len(attractor.points):
+    if len(before.centres) != len(attractor.points) or point_map.dimension > _SAMPLED:
         return None
     exact, rounds = point_map.without_table, _rounds(attractor)
     limit, d = _limit(exact, attractor, extent), exact.dimension
