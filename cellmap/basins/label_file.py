@@ -18,7 +18,7 @@ from .._lib.arrays import Floats, Ints
 from .._lib.checkpoint import TILE, Arrays, Checkpoint, check_belongs, damaged, made, resumed
 from .._lib.checks import claim_disk, claim_memory
 from .._lib.sealed import array_of, get_number, get_numbers, group_of, within
-from .._lib.threads import slices
+from .._lib.threads import run_over, slices
 from ..attractors.examined import Examined
 from ..attractors.labels import LABEL_NAMES
 from ..attractors.settling import Settled
@@ -32,6 +32,7 @@ from .store import basins_file, is_basins_file, mapped_basins, read_mapped
 from .stored_attractors import read_attractors, write_attractors
 from .sweeps import Progress
 
+_COPIED = 2**18  # labels that a thread copies before it gives their pages back
 _FORGET = 64  # tiles after which pages of a file need not stay in memory
 
 
@@ -140,10 +141,16 @@ class OnDisk(LabelStore):
         Changes of these labels are not written, so nothing is given back any more once somebody else has them.
         """
         with basins_file(self._path, basins, self._belongs, self.shape) as (file, labels, times):
-            for part in slices(self.total, BLOCK):
-                labels[part], times[part] = numbers[self.labels[part] - min(LABEL_NAMES)], self.times[part]
+            changes = (numbers != np.arange(len(numbers)) + min(LABEL_NAMES)).any()
+
+            def copy(part: slice) -> None:
+                mine = self.labels[part]
+                labels[part] = np.take(numbers, mine - min(LABEL_NAMES)) if changes else mine
+                times[part] = self.times[part]
                 self.release()
                 file.release()
+
+            run_over(slices(self.total, _COPIED), copy)
         self._file = Checkpoint(self._path, "c")
         return mapped_basins(self._file, basins)
 

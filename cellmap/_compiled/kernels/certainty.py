@@ -100,11 +100,11 @@ def judging(d):
     """Return the function ``judge`` for a dimension: loops of known length vanish."""
 
     @loop
-    def judge(points, spread, window, neighbourhoods, turn, found):
+    def judge(points, spread, window, neighbourhoods, reaches, turn, found):
         """Write into ``found`` the owner of the region that holds each point with all of its error, NONE or LOST.
 
         Regions are cells with an owner and ellipsoids around attractors, ``neighbourhoods`` (centres, metrics, owners),
-        metrics in units of the coordinates.
+        metrics in units of the coordinates; ``reaches`` (m, d) is how far these reach from their centres.
         """
         origin, inverse, cells, circle = window.origin, window.inverse, window.cells, window.circle
         centres, metrics, owners = neighbourhoods
@@ -140,6 +140,9 @@ def judging(d):
                     shift[j] = points[i, j] - centres[m, j]
                     if turn[j] > 0.0:
                         shift[j] = shortest(shift[j], turn[j])
+                    if abs(shift[j]) > reaches[m, j]:
+                        distance = np.inf  # as for most
+                        break
                     for k in range(j + 1):
                         distance += metrics[m, j, k] * (1.0 if k == j else 2.0) * shift[j] * shift[k]
                 if not distance <= 1.0:

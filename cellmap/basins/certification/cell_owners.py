@@ -36,9 +36,9 @@ class Setting:
 
     ``attractors`` is their number, ``direct`` the exact map, ``exact`` the same with the window of the table if orbits
     end there (``escapes``); ``place`` has the first edges of the cells, their inverse widths, their numbers and those
-    around a circle, and ``neighbourhoods`` the verified ellipsoids.  ``overhangs`` (n, 2, d) are boxes of cells, first
-    and last, that hold the attractors which reach out of the window: an orbit that leaves there is captured before it
-    counts as escaped.
+    around a circle, ``neighbourhoods`` the verified ellipsoids and ``reaches`` (n, d) their extents.  ``overhangs``
+    (n, 2, d) are boxes of cells, first and last, that hold the attractors which reach out of the window: an orbit that
+    leaves there is captured before it counts as escaped.
     """
 
     grid: CellGrid
@@ -49,6 +49,7 @@ class Setting:
     escapes: bool
     place: tuple[Floats, Floats, Ints, Floats]
     neighbourhoods: Regions
+    reaches: Floats
     overhangs: Ints
 
     @classmethod
@@ -68,6 +69,7 @@ class Setting:
             escapes=point_map.escapes,
             place=(np.array(grid.lower), 1.0 / grid.widths, cells, circle),
             neighbourhoods=catalogue.regions,
+            reaches=_reaches(catalogue.regions) * (1.0 + 1e-9),
             overhangs=_overhangs(grid, catalogue),
         )
 
@@ -177,12 +179,17 @@ def _around(dimension: int, step: float) -> Floats:
     return step * (2.0 * np.array(list(np.ndindex((2,) * dimension))) - 1.0)
 
 
+def _reaches(regions: Regions) -> Floats:
+    """Return how far ellipsoids reach from their centres along each axis, shape (n, d)."""
+    return np.asarray(np.sqrt(np.einsum("njj->nj", np.linalg.inv(regions.metrics))))
+
+
 def _overhangs(grid: CellGrid, catalogue: Catalogue) -> Ints:
     """Return boxes of cells, first and last, that hold the attractors which reach out of the table's window.
 
     An orbit that leaves the window there is captured before it counts as escaped.  Along angles boxes have no ends.
     """
-    reach = np.sqrt(np.einsum("njj->nj", np.linalg.inv(catalogue.regions.metrics)))
+    reach = _reaches(catalogue.regions)
     corners = [catalogue.regions.centres - reach, *(c.lower + c.boxes * c.widths for _, c, _ in catalogue.covers)]
     sizes = [2.0 * reach, *(np.broadcast_to(c.widths, c.boxes.shape) for _, c, _ in catalogue.covers)]
     low = in_turn(np.concatenate(corners), np.array(grid.lower), catalogue.turn)

@@ -182,7 +182,7 @@ class CertifiedLabels:
         window = Window(self.owners, *setting.place, int(setting.escapes), _ESCAPED, setting.overhangs)
         outcome = self.patience, self.labels, self.times, self.evidence
         for k in range(self.periods + 1):
-            judge(orbits.points, spread, window, setting.neighbourhoods, setting.catalogue.turn, found)
+            judge(orbits.points, spread, window, setting.neighbourhoods, setting.reaches, setting.catalogue.turn, found)
             self._stopped(orbits, spread, found)
             rule = k, _WIDEST, int(mark), _ESCAPED
             going = sort_out(found, spread, orbits.status, rows, rule, outcome, (kept, lost, gone))
