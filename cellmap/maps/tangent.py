@@ -33,32 +33,39 @@ def derivatives_of(name: str, compiled: R | None) -> R:
 
 
 def tangent_by_lanes(
-    tangent_step: Callable[[Orbits], None], points: Floats, dimension: int, directions: int | None = None
+    tangent_step: Callable[[Orbits], None],
+    points: Floats,
+    dimension: int,
+    directions: int | None = None,
+    together: int = 1,
 ) -> tuple[Floats, Floats]:
-    """Return images (..., d) and derivatives (..., d, k) from a step of (x, v): a lane for each direction v.
+    """Return images (..., d) and derivatives (..., d, k) from a step of (x, v, w, ...) with some vectors in a lane.
 
-    The directions are those of the first k coordinates, by default of all d.
+    The directions are those of the first k coordinates, by default of all d; a lane has so many of them `together`.
     """
     d, k = dimension, dimension if directions is None else directions
-    flat = points.reshape(-1, d)
-    states = np.zeros((len(flat), k, 2 * d))
-    states[:, :, :d] = flat[:, None, :]
-    states[:, :, d:] = np.eye(k, d)
-    orbits = Orbits.starting(states.reshape(-1, 2 * d))
+    flat, lanes = points.reshape(-1, d), -(-k // together)
+    states = np.zeros((len(flat), lanes, 1 + together, d))
+    states[:, :, 0] = flat[:, None, :]
+    places = np.arange(k)
+    states[:, places // together, 1 + places % together, places] = 1.0
+    orbits = Orbits.starting(states.reshape(-1, (1 + together) * d))
     advance_on_threads(lambda some, _: tangent_step(some), orbits, 1)
-    result = orbits.points.reshape(len(flat), k, 2 * d)
-    images = result[:, 0, :d].reshape(points.shape)
-    return images, result[:, :, d:].transpose(0, 2, 1).reshape(*points.shape, k)
+    result = orbits.points.reshape(states.shape)
+    images = result[:, 0, 0].reshape(points.shape)
+    vectors = result[:, :, 1:].reshape(len(flat), -1, d)[:, :k]
+    return images, vectors.transpose(0, 2, 1).reshape(*points.shape, k)
 
 
 def tangent(
-    point_map: PointMap, points: Floats, periods: int | Ints = 1, states: int | None = None
+    point_map: PointMap, points: Floats, periods: int | Ints = 1, states: int | None = None, coarse: bool = False
 ) -> tuple[Floats, Floats]:
     """Return unwrapped images (..., d) after some periods and their derivatives (..., k, k) by the points.
 
     ``periods`` is one number for all points or one for each.  Derivatives are by all coordinates, or by the first k
     that are ``states``, where the others are parameters.  Images come from the same integration as the derivatives,
-    whose tolerance is 1e-12 or better.
+    whose tolerance is 1e-12 or better, as Newton's method needs it; if `coarse`, it is that of the map, or 1e-8 if that
+    is smaller.
     """
     exact = point_map.without_table
     d = exact.dimension
@@ -72,7 +79,10 @@ def tangent(
         check_stop()
         rows = slice(None) if alike else np.flatnonzero(rounds > q)
         wrapped = wrap(place[rows], exact.coordinates)
-        images, matrices = _one_step(exact, wrapped) if step is None else tangent_by_lanes(step, wrapped, d, k)
+        if step is None:
+            images, matrices = _one_step(exact, wrapped, coarse)
+        else:
+            images, matrices = tangent_by_lanes(step, wrapped, d, k)
         place[rows] += images - wrapped
         total[rows] = matrices[..., :k, :k] @ total[rows]
     return place.reshape(points.shape), total.reshape(*points.shape[:-1], k, k)
@@ -115,13 +125,14 @@ def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> Floats
     """
     exact = point_map.without_table
     initial_conditions = state_points("points", points, exact.coordinates)
-    return tangent(exact, initial_conditions, whole_number("periods", periods))[1]
+    return tangent(exact, initial_conditions, whole_number("periods", periods), coarse=True)[1]
 
 
-def _one_step(exact: PointMap, points: Floats) -> tuple[Floats, Floats]:
-    if exact.tangent is not None:
+def _one_step(exact: PointMap, points: Floats, coarse: bool) -> tuple[Floats, Floats]:
+    derivative = exact.coarse_tangent if coarse and exact.coarse_tangent is not None else exact.tangent
+    if derivative is not None:
         try:
-            images, matrices = exact.tangent(points)
+            images, matrices = derivative(points)
         except NotDifferentiableError:
             pass
         else:

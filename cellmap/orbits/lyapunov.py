@@ -250,7 +250,7 @@ def _along(
     orbits = Orbits.starting(wrap(begin, exact.coordinates))
     frames = np.empty((len(begin), d, d))
     frames[:] = np.eye(d)
-    if exact.stretch is None:  # derivatives cost much more than the orbit
+    if exact.stretch is None or exact.is_flow:  # derivatives cost much more than the orbit
         exact.advance(orbits, transient - aligning)
     else:
         stretched(exact, orbits, frames, transient - aligning)
@@ -263,17 +263,33 @@ def _along(
 
 
 def stretched(exact: PointMap, orbits: Orbits, frames: Floats, periods: int) -> Floats:
-    """Move orbits and their frames on; return the logarithms (n, d) of what the frames have grown by."""
-    if exact.stretch is not None:
-        try:
-            return exact.stretch(orbits, frames, periods)
-        except NotDifferentiableError:
-            pass
+    """Move orbits and their frames on; return the logarithms (n, d) of what the frames have grown by.
+
+    Orbits and derivatives have the tolerance of the map.
+    """
+    if exact.stretch is None:
+        return _stretched_by_matrices(exact, orbits, frames, periods)
+    before, first, alive = orbits[np.arange(len(orbits))], frames.copy(), orbits.alive
+    try:
+        total = exact.stretch(orbits, frames, periods)
+    except NotDifferentiableError:
+        return _stretched_by_matrices(exact, orbits, frames, periods)
+    lost = np.flatnonzero(alive & ~orbits.alive) if exact.is_flow else alive[:0]
+    if len(lost):  # it may be the derivative that has no value
+        again, turned = before[lost], first[lost]
+        total[lost] = _stretched_by_matrices(exact, again, turned, periods)
+        orbits[lost], frames[lost] = again, turned
+    return total
+
+
+def _stretched_by_matrices(exact: PointMap, orbits: Orbits, frames: Floats, periods: int) -> Floats:
     total = np.zeros(orbits.points.shape)
     for _ in range(periods):
         alive = orbits.alive
+        if not alive.any():
+            break
         places = np.where(alive[:, None], orbits.points, 0.0)
-        images, matrices = tangent(exact, places)
+        images, matrices = tangent(exact, places, coarse=True)
         gone = alive & ~np.asarray(np.isfinite(images).all(axis=-1))
         orbits.points[:] = wrap(images, exact.coordinates)
         orbits.end(gone, Status.DIVERGED)
