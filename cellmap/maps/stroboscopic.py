@@ -211,15 +211,13 @@ class Stroboscopic(MapSpec[PointMap]):
         begin = self.phase * s.length + part[0] * length
         return jet_flow(s, begin, length, tolerance, self.max_steps, order, method, finer)
 
-    def parts(self, count: int) -> tuple[Callable[[Any], tuple[Any, Any]], ...] | None:
+    def parts(self, count: int) -> tuple[Callable[..., tuple[Any, Any]], ...] | None:
         """Return the tangent maps of equal parts of a period, one after the other; None without known derivatives."""
-        first, s = self._tangents(count), self.system
+        first, s = self._tangent_motion if count == 1 else self._tangents(count), self.system
         if first is None:
             return None
         flows = [replace(first, begin=self.phase * s.length + k * first.length) for k in range(count)]
-        return tuple(
-            functools.partial(tangent_by_lanes, f, dimension=s.dimension, together=f.vectors) for f in flows
-        )
+        return tuple(functools.partial(tangent_by_lanes, f, dimension=s.dimension, together=f.vectors) for f in flows)
 
     @property
     def recipe(self) -> dict[str, Any]:

@@ -70,7 +70,10 @@ def tangent(
     exact = point_map.without_table
     d = exact.dimension
     k = d if states is None else states
-    step = None if k == d else _tangent_step(exact)
+    derivative = exact.coarse_tangent if coarse and exact.coarse_tangent is not None else exact.tangent
+    of_states = None if k == d else _derivative_by_states(exact)
+    if of_states is not None:
+        derivative = functools.partial(of_states, directions=k)
     place = np.array(points, dtype=float).reshape(-1, d)
     total = np.broadcast_to(np.eye(k), (len(place), k, k)).copy()
     rounds = np.broadcast_to(periods, points.shape[:-1]).ravel()
@@ -79,19 +82,17 @@ def tangent(
         check_stop()
         rows = slice(None) if alike else np.flatnonzero(rounds > q)
         wrapped = wrap(place[rows], exact.coordinates)
-        if step is None:
-            images, matrices = _one_step(exact, wrapped, coarse)
-        else:
-            images, matrices = tangent_by_lanes(step, wrapped, d, k)
+        images, matrices = _one_step(exact, wrapped, derivative)
         place[rows] += images - wrapped
         total[rows] = matrices[..., :k, :k] @ total[rows]
     return place.reshape(points.shape), total.reshape(*points.shape[:-1], k, k)
 
 
 @functools.lru_cache(maxsize=8)
-def _tangent_step(exact: PointMap) -> Callable[[Orbits], None] | None:
-    """Return a step of states with one tangent vector each; None where the formulas are unknown."""
-    return None if exact.spec is None else exact.spec.curve_step(1)
+def _derivative_by_states(exact: PointMap) -> Callable[..., tuple[Floats, Floats]] | None:
+    """Return images and derivatives of a step by the first `directions` coordinates; None where there are none."""
+    found = None if exact.spec is None else exact.spec.parts(1)
+    return None if found is None else found[0]
 
 
 @checked
@@ -128,8 +129,9 @@ def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> Floats
     return tangent(exact, initial_conditions, whole_number("periods", periods), coarse=True)[1]
 
 
-def _one_step(exact: PointMap, points: Floats, coarse: bool) -> tuple[Floats, Floats]:
-    derivative = exact.coarse_tangent if coarse and exact.coarse_tangent is not None else exact.tangent
+def _one_step(
+    exact: PointMap, points: Floats, derivative: Callable[[Floats], tuple[Floats, Floats]] | None
+) -> tuple[Floats, Floats]:
     if derivative is not None:
         try:
             images, matrices = derivative(points)
@@ -139,7 +141,7 @@ def _one_step(exact: PointMap, points: Floats, coarse: bool) -> tuple[Floats, Fl
             lost = ~np.isfinite(matrices).all(axis=(-2, -1)) & np.isfinite(points).all(axis=-1)
             if lost.any():  # the derivative of the right-hand side has a pole, as at the border of a root
                 images[lost] = follow(exact, points[lost], 1).unwrapped
-                matrices[lost] = _central_differences(exact, points[lost])
+                matrices[lost] = _central_differences(exact, points[lost])[..., : matrices.shape[-1]]
             return images, matrices
     return follow(exact, points, 1).unwrapped, _central_differences(exact, points)
 
