@@ -47,7 +47,7 @@ def tangent_by_lanes(
     flat, lanes = points.reshape(-1, d), -(-k // together)
     states = np.zeros((len(flat), lanes, 1 + together, d))
     states[:, :, 0] = flat[:, None, :]
-    places = np.arange(k)
+    places = np.arange(min(d, lanes * together))  # so that the steps of a lane do not depend on k
     states[:, places // together, 1 + places % together, places] = 1.0
     orbits = Orbits.starting(states.reshape(-1, (1 + together) * d))
     advance_on_threads(lambda some, _: tangent_step(some), orbits, 1)
@@ -115,6 +115,13 @@ def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> Floats
         It is computed from the variational equation, or by central differences of order 6 if the right-hand side cannot
         be traced or its derivative has a pole on the orbit.  Where the orbit grazes a surface, see
         :func:`grazing_distance`, there is no derivative.
+
+    Notes
+    -----
+    The columns of a stroboscopic map are as accurate as its images: by the integrator's estimate the error of each, by
+    sums of absolute values, is at most ten times `rtol` (1e-8 where that is larger) times its length, for one period.
+    With a map of ``rtol=1e-12`` multipliers of strongly contracting directions have more digits.  Derivatives of flows
+    with events or stiff right-hand sides, and of Poincare maps, always have a tolerance of 1e-12.
 
     Examples
     --------

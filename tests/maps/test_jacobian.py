@@ -76,7 +76,7 @@ def test_vectors_in_one_lane_or_in_several(dimension: int) -> None:
 
     def rhs(t: float, x: Any, p: Any) -> tuple[float, ...]:
         ends = (0.0, *x, 0.0)
-        return tuple(0.5 * c - 0.3 * b - 0.4 * a + cos(t) for a, b, c in zip(ends, x, ends[2:]))
+        return tuple(0.5 * c - 0.3 * b - 0.4 * a + cos(t) for a, b, c in zip(ends[:-2], x, ends[2:], strict=True))
 
     strobe = stroboscopic_map(ForcedSystem(rhs, {}, 2 * pi, tuple(f"x{k}" for k in range(dimension))))
     expected, points = expm(2 * pi * matrix), np.random.default_rng(0).normal(size=(3, dimension))

@@ -34,7 +34,7 @@ def jet_trace(trace: Trace, order: int) -> Trace:
 
 
 def frame_traces(trace: Trace, directions: int) -> list[Trace]:
-    """Return traces of a function with its derivatives along directions: (x, v, w, ...) -> (f(x), Df(x) v, Df(x) w, ...).
+    """Return traces of a function with derivatives along directions: (x, v, ...) -> (f(x), Df(x) v, ...).
 
     There are two, and either may be less work: with the entries of Df(x) computed once for all directions, or with the
     chain rule along each, which shares what depends on x alone.
