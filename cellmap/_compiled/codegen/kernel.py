@@ -148,7 +148,7 @@ def vectors_in_a_lane(dimension: int, method: Method) -> int:
 
     Further vectors share the work on the state, until what a step has at hand leaves the first cache: series of some
     24 components, stages of some 48.  Beyond, code would take long to compile besides.  So all vectors of systems of up
-    to 4 (Taylor) or 6 (Runge-Kutta) states are in one lane, and from 13 or 17 states on each has a lane of its own.
+    to 4 (Taylor) or 6 (Runge-Kutta) states are in one lane, and from 9 or 17 states on each has a lane of its own.
 
     Examples
     --------
