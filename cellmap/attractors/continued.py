@@ -61,7 +61,7 @@ def continue_attractors(
     [0.8906, -0.8906]
     """
     check_attractors(attractors, point_map, "attractors")
-    orbits = [a for a in attractors if a.neighbourhood is not None]
+    orbits = [a for a in attractors if a.neighbourhood is not None and a.period]
     circles = [a for a in attractors if a.kind is Kind.QUASIPERIODIC]
     if not orbits and not circles:
         return ()

@@ -19,6 +19,8 @@ LOOKED_AT = 256
 _REPRESENTATIVES = 8  # end points that are refined at a time because they lie far apart
 _SETTLING = 16  # ends that come back closest, among which as many are chosen
 _RETURNS = 4  # likely periods tried for each of them, besides 1,
+_IMAGES = 600  # of the map, for each state where orbits begin, that regions of attractors may take,
+_AT_LEAST = 200_000  # and for all of few states
 _RETURNED = 0.2  # if they bring it back to within this part of the extent
 
 
@@ -28,7 +30,8 @@ class Examined:
 
     ``points``: periodic points that belong to no attractor; ``ends``: what became of guesses, by their bits and period;
     ``distances``: how close the ends of the last look have come back to themselves, by their bits; ``lines``: points of
-    segments of periodic points that do not attract; ``begun``: where orbits began.
+    segments of periodic points that do not attract; ``begun``: where orbits began; ``images``: images of the map that
+    regions of attractors may still take in more than four dimensions.
     """
 
     coordinates: tuple[Coordinate, ...]
@@ -38,12 +41,21 @@ class Examined:
     distances: dict[bytes, Floats] = field(default_factory=dict)
     lines: list[Floats] = field(default_factory=list)
     begun: Floats | None = None
+    images: float = np.inf
     _motion: Floats | None = None
 
     @classmethod
     def nothing_yet(cls, point_map: PointMap, extent: Floats, states: Floats | None = None) -> Examined:
         """Begin a search in a region of some extent, from some states."""
-        return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)), {}, begun=states)
+        images = np.inf if states is None else float(max(_IMAGES * len(states), _AT_LEAST))
+        return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)), {}, begun=states, images=images)
+
+    def afford(self, images: int) -> bool:
+        """Take some of the images that are left; False where these are too few."""
+        if images > self.images:
+            return False
+        self.images -= images
+        return True
 
     def motion(self, point_map: PointMap) -> Floats:
         """Return the extent of the motion, of which trapping regions take a quarter at most."""

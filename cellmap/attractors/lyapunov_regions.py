@@ -2,23 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from .._lib.arrays import Floats
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Neighbourhood
-from ..orbits.ellipsoids import directions, displaced, lyapunov_forms
+from ..orbits.ellipsoids import directions, displaced, lyapunov_forms, products
+
+Afford = Callable[[int], bool]
+"""Tells whether some images of the map can be afforded, which are taken then."""
 
 _SAFETY = 2.0  # times the nonlinear remainder that is seen has to fit into the contraction margin
 _WORST = 8  # directions whose sums and differences are looked at as well
+_CONTRACTING, _MOST = 0.7, 64  # largest factor of as many steps as are taken together, at most
 _ATTEMPTS = 16  # radii that are tried
+_USUAL = 6  # radii that it takes
+_RETURNING = 64  # periods of an attractor after which orbits have to come back into a region that is not verified,
+_RETURNED = (0.1, 0.01, 1e-3, 1e-4, 1e-5)  # and radii of such a region
 _SMALLEST = 1e-10  # radius, in units of the limits
+_ROUNDED = 1e-4  # radius below which a remainder that rises is rounding; above it is that of orbits that go elsewhere
 _LARGE = 0.25  # part of the margin from which smaller surfaces are looked at
 _INSIDE = 4  # of them at most, each half as wide
 
 
-def lyapunov_neighbourhood(exact: PointMap, attractor: Attractor, steps: Floats, limit: Floats) -> Neighbourhood | None:
-    """Return ellipsoids around the points of a periodic attractor, each of which the map takes into the next one.
+def always(images: int) -> bool:
+    """Return that any number of images can be afforded."""
+    return True
+
+
+def lyapunov_neighbourhood(
+    exact: PointMap, attractor: Attractor, steps: Floats, limit: Floats, afford: Afford = always
+) -> Neighbourhood | None:
+    """Return ellipsoids around the points of a periodic attractor, each of which some steps take into the next one.
 
     ``steps`` (period, d, d) are the derivatives of the map at its points, ``limit`` (d,) the largest half-widths.  The
     forms are solutions of the discrete Lyapunov equation along the orbit, in O(period d^3), so that the linear steps
@@ -28,15 +45,20 @@ def lyapunov_neighbourhood(exact: PointMap, attractor: Attractor, steps: Floats,
     is small against the margin.  A radius is foreseen from the remainder of the one before, so that all this takes some
     ten images for each direction.
 
-    None where no ellipsoid is found, as it is where the largest multiplier is too close to 1.
+    Where none is found, as where the largest multiplier is too close to 1, or where one cannot `afford` the images, the
+    ellipsoids are those from whose surfaces orbits are seen to come back, and their `contraction` is 1.
+    None where even those leave.
 
     References
     ----------
     Khalil, *Nonlinear Systems* (2002), 8.2 (regions of attraction by quadratic forms).
     """
-    scaled = steps * limit / limit[:, None]
-    rate = float((0.5 * (1.0 + np.abs(attractor.multipliers[0]))) ** (1.0 / attractor.period))
-    surfaces = _Surfaces(exact, attractor.points, scaled, lyapunov_forms(scaled, rate), rate, limit)
+    number, factor = _together(attractor)
+    scaled = products(steps * limit / limit[:, None], number)
+    rate = float((0.5 * (1.0 + factor)) ** (1.0 / attractor.period))
+    surfaces = _Surfaces(exact, attractor.points, scaled, number, rate, limit)
+    if not afford(_USUAL * number * surfaces.offsets[..., 0].size):
+        return surfaces.recurrent()
     radius, before = 1.0, np.inf
     for _ in range(_ATTEMPTS):
         part = surfaces.part_of_margin(radius)
@@ -45,13 +67,25 @@ def lyapunov_neighbourhood(exact: PointMap, attractor: Attractor, steps: Floats,
             if not within:
                 return surfaces.neighbourhood(radius, part)
             radius = within
-        elif before < part < np.inf:
-            return None  # rounding, which rises as the radius falls
+        elif before < part < np.inf and radius < _ROUNDED:
+            break
         radius *= float(np.clip(0.8 / part, 1.0 / 16.0, 0.5))
         before = part
         if radius < _SMALLEST:
             break
-    return None
+    return surfaces.recurrent()
+
+
+def _together(attractor: Attractor) -> tuple[int, float]:
+    """Return how many steps are taken together, and by which factor as many rounds along the attractor contract.
+
+    Slow directions contract in many steps, by a margin that the remainder of all of them fits into.
+    """
+    period, largest = attractor.period, float(np.abs(attractor.multipliers[0]))
+    rounds = np.ceil(np.log(_CONTRACTING) / np.log(largest)) if largest > _CONTRACTING else 1.0
+    number = 1 + period * int(np.ceil((min(rounds, float(_MOST)) - 1.0) / period))
+    number = number if number * period <= _MOST else 1
+    return number, largest**number
 
 
 def _smallest_failing(surfaces: _Surfaces, radius: float, part: float) -> float:
@@ -69,10 +103,10 @@ def _smallest_failing(surfaces: _Surfaces, radius: float, part: float) -> float:
 class _Surfaces:
     """Surfaces of ellipsoids around the points of an attractor, in units of the limits."""
 
-    def __init__(
-        self, exact: PointMap, points: Floats, steps: Floats, forms: Floats, rate: float, limit: Floats
-    ) -> None:
+    def __init__(self, exact: PointMap, points: Floats, steps: Floats, number: int, rate: float, limit: Floats) -> None:
+        forms = lyapunov_forms(steps, rate)
         self.exact, self.points, self.steps, self.forms, self.limit = exact, points, steps, forms, limit
+        self.number = number
         self.later = np.roll(forms, -1, axis=0)
         values, axes = np.linalg.eigh(forms)
         roots = axes / np.sqrt(values)[:, None, :]  # unit sphere -> unit ellipsoid
@@ -105,12 +139,24 @@ class _Surfaces:
     def _remainders(self, offsets: Floats, radius: float) -> Floats:
         """Return the lengths (period, n) of what images differ by from those of the linear map, in radii."""
         shifts = radius * offsets
-        periods = np.ones(len(self.points), np.int64)
+        periods = np.full(len(self.points), self.number)
         ends = np.roll(self.points, -1, axis=0)
         after, alive = displaced(self.exact, self.points, shifts * self.limit, periods, ends)
         rest = after / self.limit - np.einsum("pij,pnj->pni", self.steps, shifts)
         sizes = self._norm(rest, self.later) / radius
         return np.where(alive & np.isfinite(sizes), sizes, np.inf)
+
+    def recurrent(self) -> Neighbourhood | None:
+        """Return ellipsoids into which orbits come back from the farthest points along each coordinate."""
+        n, d = self.points.shape
+        farthest = self.offsets[:, d : 2 * d]
+        periods = np.full(n, _RETURNING * n)
+        for radius in _RETURNED:
+            shifts = radius * farthest * self.limit
+            after, alive = displaced(self.exact, self.points, shifts, periods)
+            if alive.all() and (self._norm(after / self.limit, self.forms) <= radius).all():
+                return Neighbourhood(self.points, self.forms / radius**2 / np.outer(self.limit, self.limit), 1.0)
+        return None
 
     @staticmethod
     def _norm(vectors: Floats, forms: Floats) -> Floats:
@@ -121,4 +167,4 @@ class _Surfaces:
         """Return the region of a radius."""
         factors = self.linear + part / _SAFETY * self.margin
         metrics = self.forms / radius**2 / np.outer(self.limit, self.limit)
-        return Neighbourhood(self.points, metrics, float(np.prod(factors)))
+        return Neighbourhood(self.points, metrics, float(np.prod(factors) ** (1.0 / self.number)))

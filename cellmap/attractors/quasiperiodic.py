@@ -24,8 +24,10 @@ from ..orbits.newton import newton, stable_orbit
 from .boxes import inside_cover
 from .chaos import aperiodic, lyapunov_exponents
 from .creeping import creeping
+from .lyapunov_regions import Afford, always
+from .recurrence import recurrent_attractors
 from .settling import path_of
-from .tube import DENSE, FIRST_FACTOR, MOST_STEPS, Curves, DenseTorus, cover_of_tube, verified_tube
+from .tube import DENSE, FIRST_FACTOR, MOST_STEPS, SAMPLED, Curves, DenseTorus, cover_of_tube, verified_tube
 
 _ORBITS = 4  # tried in one look
 _EXPONENT_PERIODS = 500
@@ -48,7 +50,13 @@ class Found:
 
 
 def quasiperiodic_attractors(
-    point_map: PointMap, states: Floats, extent: Floats, age: int, known: Sequence[Attractor] = (), slow: bool = True
+    point_map: PointMap,
+    states: Floats,
+    extent: Floats,
+    age: int,
+    known: Sequence[Attractor] = (),
+    slow: bool = True,
+    afford: Afford = always,
 ) -> Found:
     """Return the invariant circles to which orbits of some age come, verified to attract.
 
@@ -61,9 +69,13 @@ def quasiperiodic_attractors(
 
     Orbits that drift slowly along a curve are followed for much longer than they have lasted, if `slow`.
 
+    In more than four dimensions they are found by recurrence, and not verified, see :func:`recurrent_attractors`.
+
     An autonomous system is sampled in steps that are not those of the map, which may close its cycle after a few.
     """
     exact = point_map.without_table
+    if exact.dimension > SAMPLED:
+        return Found(*recurrent_attractors(exact, states, extent, age, known, afford))
     found = Found([], [])
     left = states
     for _ in range(_ORBITS):

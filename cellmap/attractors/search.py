@@ -23,6 +23,7 @@ from .continua import closed_orbits, continua, joined_continua
 from .equilibria import sticking_sets
 from .examined import LOOKED_AT, Examined, guesses_of
 from .labels import LABEL_NAMES, Label
+from .lyapunov_regions import Afford, always
 from .quasiperiodic import long_cycle, quasiperiodic_attractors
 from .settling import Catalogue, settle, settle_on_threads
 from .transients import REMEDIES, Late, Reason, UnsettledWarning, regular
@@ -52,6 +53,10 @@ def find_attractors(
     Floquet multipliers lie inside the unit circle.  It gets a verified trapping region, and orbits that enter this
     region have converged.  Orbits that do not settle are compared with invariant curves, and those that never do are
     tested for chaos.
+
+    In more than four dimensions regions may take 600 images of the map for each initial condition, and at least
+    200,000.  Attractors that are not verified within them, and quasi-periodic ones, are found by recurrence: their
+    `verified` is False, and orbits that enter their regions count as converged.
 
     Parameters
     ----------
@@ -284,7 +289,7 @@ def _belong(points: Floats, known: Sequence[Attractor], point_map: PointMap) -> 
 
 def _verified(point_map: PointMap, orbit: Attractor, examined: Examined) -> list[Attractor]:
     """Return a periodic orbit with its trapping region, nothing where it has none; then it is remembered."""
-    neighbourhood = neighbourhood_of(point_map, orbit, examined.motion(point_map))
+    neighbourhood = neighbourhood_of(point_map, orbit, examined.motion(point_map), afford=examined.afford)
     if neighbourhood is None:
         examined.refuse(orbit.points)
         return []
@@ -301,7 +306,7 @@ def curves_and_cycles(
     slow: bool,
 ) -> list[Attractor]:
     """Return invariant circles to which orbits come, and the long cycles that they turned out to be on instead."""
-    found = quasiperiodic_attractors(point_map, states, extent, age, known, slow)
+    found = quasiperiodic_attractors(point_map, states, extent, age, known, slow, examined.afford)
     return found.attractors + verified_cycles(point_map, found.cycles, [*known, *found.attractors], extent, examined)
 
 
@@ -325,7 +330,11 @@ def verified_cycles(
 
 
 def neighbourhood_of(
-    point_map: PointMap, attractor: Attractor, extent: Floats, like: Neighbourhood | None = None
+    point_map: PointMap,
+    attractor: Attractor,
+    extent: Floats,
+    like: Neighbourhood | None = None,
+    afford: Afford = always,
 ) -> Neighbourhood | None:
     """Return the trapping region of a periodic attractor, None where there is none or the map does not follow it.
 
@@ -334,7 +343,7 @@ def neighbourhood_of(
     if not _carried(point_map, attractor):
         return None
     again = None if like is None else still_trapping(point_map, attractor, extent, like)
-    return trapping_neighbourhood(point_map, attractor, extent) if again is None else again
+    return trapping_neighbourhood(point_map, attractor, extent, afford) if again is None else again
 
 
 def _carried(point_map: PointMap, attractor: Attractor) -> bool:

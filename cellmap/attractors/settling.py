@@ -88,8 +88,10 @@ class Catalogue:
         return sieve_of(self.regions, self.turn)
 
     def shrunk(self, factor: float) -> Catalogue:
-        """Return the catalogue with smaller neighbourhoods."""
-        return replace(self, regions=self.regions._replace(metrics=self.regions.metrics / factor**2))
+        """Return the catalogue with smaller trapping regions; those that are not verified hold the attractors."""
+        fixed = np.array([not a.verified for a in self.attractors], bool)[self.regions.owners]
+        metrics = np.where(fixed[:, None, None], 1.0, factor**-2) * self.regions.metrics
+        return replace(self, regions=self.regions._replace(metrics=metrics))
 
 
 def _boxes(covers: Sequence[tuple[int, Cover, Ints]], turn: Floats) -> Covers:

@@ -11,13 +11,13 @@ from .._lib.threads import slices
 from ..maps.coordinates import turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
-from ..maps.tangent import tangent
+from ..maps.tangent import jacobian
 from ..orbits.attractor import Attractor, Neighbourhood
 from ..orbits.ellipsoids import directions, displaced, eigenvector_metrics, summed_metric
-from .lyapunov_regions import lyapunov_neighbourhood
+from .lyapunov_regions import Afford, always, lyapunov_neighbourhood
 from .settling import path_of
+from .tube import SAMPLED
 
-_SAMPLED = 4  # dimensions, at most, in which surfaces are sampled densely
 _DIRECTIONS = 96  # on a circle
 _FINE = {1: 1.01, 2: 1.0 + 2 * np.pi / _DIRECTIONS}  # from one shell to the next; else 1.1
 _FARTHEST_IN = 10.0  # factor by which the smallest of shells that were verified for a similar map is smaller
@@ -60,7 +60,9 @@ def extent_of_motion(point_map: PointMap, states: Floats, extent: Floats) -> Flo
     return np.where(still, extent, 4.0 * ways - 3.0 * extent)
 
 
-def trapping_neighbourhood(point_map: PointMap, attractor: Attractor, extent: Floats) -> Neighbourhood | None:
+def trapping_neighbourhood(
+    point_map: PointMap, attractor: Attractor, extent: Floats, afford: Afford = always
+) -> Neighbourhood | None:
     """Return ellipsoids around a periodic attractor in which every orbit is verified to approach it.
 
     The linear map contracts in the metric by a known factor c < 1.  From a small ellipsoid on which the exact map is
@@ -75,8 +77,8 @@ def trapping_neighbourhood(point_map: PointMap, attractor: Attractor, extent: Fl
     origin.  Where rounding hides what the map does in the neighbourhood of a point, as it may on a long superstable
     cycle, the ellipsoid is one that the map is seen to take into that of a later point.
 
-    In more than four dimensions regions come from Lyapunov functions and few images, see
-    :func:`lyapunov_neighbourhood`.
+    In more than four dimensions regions come from Lyapunov functions and few images, of which there are as many as one
+    can `afford`, see :func:`lyapunov_neighbourhood`.
 
     None where even the smallest ellipsoid fails around every point, as it does where the largest multiplier is too
     close to 1.
@@ -85,9 +87,9 @@ def trapping_neighbourhood(point_map: PointMap, attractor: Attractor, extent: Fl
     limit, rounds = _limit(exact, attractor, extent), _rounds(attractor)
     periods = rounds * attractor.period
     contraction = 0.5 * (1.0 + float(np.abs(attractor.multipliers[0])) ** rounds)
-    steps = tangent(exact, attractor.points)[1]
-    if exact.dimension > _SAMPLED:
-        return lyapunov_neighbourhood(exact, attractor, steps, limit)
+    steps = jacobian(exact, attractor.points)
+    if exact.dimension > SAMPLED:
+        return lyapunov_neighbourhood(exact, attractor, steps, limit, afford)
     slow = _slowest(steps)
     begun, hidden, preferred = dict[int, _Shells](), dict[int, _Shells](), 0
     for k, centre in enumerate(attractor.points):
@@ -127,13 +129,13 @@ def still_trapping(
     the steps between them are wider, factors on consecutive surfaces count with half of their difference.  None where
     the ellipsoids would have to be much smaller than they were, or differ in more than size.
     """
-    if len(before.centres) != len(attractor.points) or point_map.dimension > _SAMPLED:
+    if len(before.centres) != len(attractor.points) or point_map.dimension > SAMPLED:
         return None
     exact, rounds = point_map.without_table, _rounds(attractor)
     limit, d = _limit(exact, attractor, extent), exact.dimension
     radii, fine = _around(_FINE.get(d, 1.1), d)
     contraction = 0.5 * (1.0 + float(np.abs(attractor.multipliers[0])) ** rounds)
-    steps, metrics, worst = tangent(exact, attractor.points)[1], list[Floats](), 0.0
+    steps, metrics, worst = jacobian(exact, attractor.points), list[Floats](), 0.0
     for k, (centre, metric) in enumerate(zip(attractor.points, before.metrics, strict=True)):
         matrix = np.linalg.matrix_power(_product(np.roll(steps, -k, axis=0)), rounds)
         scaled = metric * np.outer(limit, limit)

@@ -24,6 +24,9 @@ from .boxes import boxes_of, in_units, tree_of
 DENSE = 2048
 """Points of each curve, between which it is straight."""
 
+SAMPLED = 4
+"""Dimensions, at most, in which surfaces around attractors are sampled densely."""
+
 MOST_STEPS, FIRST_FACTOR = 256, 0.6
 """Steps after which points of the first surface have to be closer to the curves, and the factor."""
 

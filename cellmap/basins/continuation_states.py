@@ -193,7 +193,7 @@ class LabelsOverValues:
 
         None where labels are to be found from the beginning.  ``before(number)`` returns the attractors of a value.
         """
-        verified = len(attractors) > 0 and all(a.neighbourhood is not None for a in attractors)
+        verified = len(attractors) > 0 and all(a.verified and a.neighbourhood is not None for a in attractors)
         window = self._maps.window(number)
         if window is None or number == window.low or not verified or max_periods < 2 * max(PERIODS):
             return None

@@ -45,6 +45,8 @@ def warn_of_doubts(basins: Basins, release: Callable[[], None]) -> None:
     ``release`` gives back memory while labels are read, see :func:`fractions_of`.
     """
     fractions = fractions_of(basins.labels, len(basins.attractors), release)
+    if doubtful := _not_verified(basins, {k: f.fraction for k, f in fractions.items()}):
+        warn_caller(doubtful)
     for message in _doubts(basins, {k: f.fraction for k, f in fractions.items() if k < 0 and f.fraction > _MANY}):
         warn_caller(message, UnsettledWarning)
 
@@ -80,6 +82,18 @@ def _doubts(basins: Basins, parts: Mapping[int, float]) -> Iterator[str]:
         helps, what = _remedy(basins, Label.DIVERGED)
         if helps:
             yield f"{parts[Label.DIVERGED]:.1%} of the initial conditions seem to diverge: {what}"
+
+
+def _not_verified(basins: Basins, parts: Mapping[int, float]) -> str:
+    """Tell how many attractors have a region that nothing verifies, and how many initial conditions come to them."""
+    rows = [k for k, a in enumerate(basins.attractors) if a.neighbourhood is not None and not a.verified]
+    if not rows:
+        return ""
+    return (
+        f"{len(rows)} of {len(basins.attractors)} attractors are not verified, and "
+        f"{sum(parts[k] for k in rows):.1%} of the initial conditions come to them: they are found by recurrence, as "
+        "orbits beside them are seen to come back; see Attractor.verified, and compare with verify(search=True)"
+    )
 
 
 def cycles_of(point_map: PointMap | None) -> str:

@@ -106,7 +106,7 @@ class Family:
                 before = {k: _carried(last.point_map, a, phase or 0.0) for k, a in before.items()}
                 with self._guard:
                     self._memory = {k: _carried(last.point_map, a, phase or 0.0) for k, a in self._memory.items()}
-        regular = {k: a for k, a in before.items() if a.neighbourhood is not None}
+        regular = {k: a for k, a in before.items() if a.neighbourhood is not None and a.period}
         if not regular:
             return Member(self._base if spec is None else spec.build(), phase, before, key=key)
         drafted = isinstance(spec, Interpolated)
@@ -117,7 +117,7 @@ class Family:
             point_map = (
                 self._base if spec is None else draft_of(spec) if isinstance(spec, Interpolated) else spec.build()
             )
-        gone = {k: a for k, a in self._memory.items() if k not in regular and a.neighbourhood is not None}
+        gone = {k: a for k, a in self._memory.items() if k not in regular and a.neighbourhood is not None and a.period}
         followed = {**regular, **dict(list(gone.items())[-_TRIED:])}
         names = list(followed)
         found = orbits_followed(point_map, list(followed.values()), self._extent)
@@ -154,7 +154,9 @@ class Family:
             place = Member(point_map, draft.phase, draft.before, list(found.values()), list(found), key=draft.key)
             with self._guard:
                 self._memory |= found
-            regular = {k: a for k, a in draft.before.items() if a.neighbourhood is not None or k in circles}
+            regular = {
+                k: a for k, a in draft.before.items() if (a.neighbourhood is not None and a.period) or k in circles
+            }
             lost = [a for k, a in regular.items() if k not in found]
             if lost:
                 seeds = np.concatenate([thinned(a.points, _SEEDS) for a in lost])

@@ -227,6 +227,7 @@ def _write_examined(group: h5py.Group, examined: Examined) -> None:
     d = examined.points.shape[1]
     nothing = np.full(d, np.nan)
     group["points"] = examined.points
+    group["images"] = np.array([examined.images], float)
     group["guesses"] = np.array([np.frombuffer(bits) for bits, _ in examined.ends]).reshape(-1, d)
     group["periods"] = np.array([period for _, period in examined.ends], np.int64)
     group["solved"] = np.array([end is not None for end in examined.ends.values()], bool)
@@ -252,7 +253,9 @@ def _read_examined(group: h5py.Group, empty: Examined) -> Examined:
         if (counts < 1).any() or counts.sum() != len(points):
             raise ValueError(f"it has {len(points)} points of lines of {counts.tolist()}")
         lines = np.split(points, np.cumsum(counts)[:-1]) if len(counts) else []
-    return replace(empty, points=array_of(group, "points", np.float64, (None, d)), ends=known, lines=lines)
+    points = array_of(group, "points", np.float64, (None, d))
+    images = float(array_of(group, "images", np.float64, (1,))[0]) if "images" in group else empty.images
+    return replace(empty, points=points, ends=known, lines=lines, images=images)
 
 
 def describe_attractors(attractors: Sequence[Attractor]) -> str:

@@ -46,7 +46,8 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
     points = array_of(group, "points", np.float64, (None if kind in _SAMPLED else period, d))
     if not len(points) or not np.isfinite(points).all():
         raise ValueError(f"{group.name} has no points")
-    sizes = {"d": d, "period": period, "two": 2}
+    # Regions of attractors without a period are as many as they are.
+    sizes = {"d": d, "two": 2} | ({"period": period} if period else {})
     parts = {part: _read_part(group, part, sizes) for part in PARTS if part in group}
     neighbourhood = parts.get("neighbourhood")
     if neighbourhood is not None and not all(np.isfinite(part).all() for part in vars(neighbourhood).values()):

@@ -38,17 +38,20 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Neighbourhood:
-    """Verified trapping region: ellipsoids around the points of a periodic attractor, in which orbits converge to it.
+    """Trapping region: ellipsoids around the points of a periodic attractor, in which orbits converge to it.
+
+    In more than four dimensions there are some that are not verified, also for quasi-periodic attractors.
 
     Parameters
     ----------
     centres : ndarray, shape (period, dimension)
-        Points of the attractor.
+        Points of the attractor; for a quasi-periodic one centres of its parts, shape (parts, dimension).
     metrics : ndarray, shape (period, dimension, dimension)
         The ellipsoid of point c is ``(x - c) @ metric @ (x - c) <= 1``.
     contraction : float
         Largest measured factor by which one period of the attractor reduces the distance in that metric, or the mean
-        factor of two periods if a multiplier is near -1; below 1.
+        factor of two periods if a multiplier is near -1; below 1.  It is 1 where nothing verifies that orbits stay, but
+        some are seen to come back.
     """
 
     centres: Floats
@@ -131,7 +134,7 @@ class Attractor(ShownAsHtml):
     exponents : ndarray, shape (dimension,) or (1,)
         Lyapunov exponents per step of the map.
     neighbourhood : Neighbourhood or None
-        Verified trapping region around a periodic attractor.
+        Trapping region around a periodic attractor, and in more than four dimensions around a quasi-periodic one.
     cover : Cover or None
         Boxes that contain a chaotic attractor or a sticking set, or verified boxes around invariant curves.
     coordinates : tuple of Coordinate
@@ -172,7 +175,7 @@ class Attractor(ShownAsHtml):
     @property
     def verified(self) -> bool:
         """Whether no orbit leaves its trapping region: ellipsoids, or boxes all of which are certain."""
-        return self.neighbourhood is not None or (
+        return (self.neighbourhood is not None and self.neighbourhood.contraction < 1.0) or (
             self.cover is not None and self.cover.certain is not None and bool(self.cover.certain.all())
         )
 
@@ -203,6 +206,8 @@ class Attractor(ShownAsHtml):
                 return f"limit cycle, period {self.circle.cycle_period:.6g} in time"
             curves = len(self.circle.coefficients)
             return f"quasi-periodic, rotation number {self.circle.frequency:.6g}" + f", {curves} curves" * (curves > 1)
+        if self.kind is Kind.QUASIPERIODIC and self.torus is None:
+            return "quasi-periodic"
         if self.torus is not None:
             return "quasi-periodic, rotation vector ({:.6g}, {:.6g})".format(*self.torus.frequencies)
         text = f"{self.kind}, period {self.period}"

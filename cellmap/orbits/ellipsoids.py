@@ -69,6 +69,14 @@ def summed_metric(matrix: Floats, contraction: float) -> Floats:
     return np.asarray(0.5 * (total + total.T))
 
 
+def products(steps: Floats, number: int) -> Floats:
+    """Return the products (period, d, d) of some consecutive steps (period, d, d) along a periodic orbit, from each."""
+    total = steps
+    for k in range(1, number):
+        total = np.roll(steps, -k, axis=0) @ total
+    return total
+
+
 def lyapunov_forms(steps: Floats, rate: float) -> Floats:
     """Return forms (period, d, d) along a periodic orbit in which each linear step (period, d, d) contracts by a rate.
 

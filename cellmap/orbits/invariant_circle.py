@@ -118,7 +118,7 @@ def fitted_circle(
         if not orbits.alive.all():
             return None, 0
         # On a longer orbit points come as close by chance.
-        period = _return(history[-_STAGES[-1][0] :], point_map, extent)
+        period = closed_after(history[-_STAGES[-1][0] :], point_map, extent)
         if period:
             return None, period
         if near is not None:
@@ -147,6 +147,15 @@ def fitted_circle(
     if locked:
         return None, locked * len(best.circle.coefficients)
     return best, 0
+
+
+def circle_through(point_map: PointMap, history: Floats, rotations: Ints) -> InvariantCircle | None:
+    """Return the invariant circle on which an orbit (n, dimension) moves, None where it is on none, or locked."""
+    fitted, _ = _fit(point_map, history, rotations, _STAGES[0][1])
+    if fitted is None or fitted.circle.invariance_error > _SUFFICIENT:
+        return None
+    locked = rational_within(fitted.circle.frequency, 10.0 * fitted.circle.frequency_error + 1e-13)
+    return None if locked else fitted.circle
 
 
 def recorded_orbit(point_map: PointMap, orbits: Orbits, number: int) -> tuple[Floats, Ints]:
@@ -249,7 +258,7 @@ def bump(number: int) -> Floats:
     return np.asarray(weights / weights.sum())
 
 
-def _return(history: Floats, point_map: PointMap, extent: Floats) -> int:
+def closed_after(history: Floats, point_map: PointMap, extent: Floats) -> int:
     """Return the number of steps after which the orbit's end is where it was, to a part of 1e-6; 0 for none."""
     apart = np.abs(difference(history[-2::-1], history[-1], point_map.coordinates) / extent).max(axis=-1)
     closest = np.flatnonzero(apart <= 1e-6 * np.minimum(apart.max(), 1.0))

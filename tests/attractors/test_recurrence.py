@@ -1,0 +1,110 @@
+"""Quasi-periodic attractors in many dimensions, found by recurrence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+
+from cellmap import angle, discrete_map, find_attractors, find_basins, load_basins, save_basins
+from cellmap.attractors.recurrence import _exponents, recurrent_attractors
+from cellmap.attractors.settling import Catalogue
+from cellmap.attractors.trapping import trapping_neighbourhood
+
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+RADIUS = 0.7
+
+
+def normal_forms(x, p):
+    """Two mirror images of z -> exp(2 pi i w) z (1 + s - s |z|^2 / r^2) about u = +-1, and damped coordinates.
+
+    The circle |z| = r is invariant, its rotation number is w, and the factor across it 1 - 2 s.
+    """
+    z, y, u = x[0], x[1], x[2]
+    growth = 1.0 + 0.2 - 0.2 * (z * z + y * y) / (RADIUS * RADIUS)
+    c, s = cos(2 * pi * p.w), sin(2 * pi * p.w)
+    side = u + 0.3 * (u - u * u * u)
+    return growth * (c * z - s * y), growth * (s * z + c * y), side, *(0.5 * v + 0.1 * z * y for v in x[3:])
+
+
+def rotating(x, p):
+    """Return the step of a rigid rotation of one angle, another one bound to it, and four damped coordinates."""
+    return (
+        x[0] + 2 * pi * p.w,
+        x[1] + 2 * pi * p.w - 0.4 * sin(x[1] - x[0]),
+        *(0.5 * v + 0.1 * cos(x[0]) for v in x[2:]),
+    )
+
+
+@pytest.fixture(scope="module")
+def circles():
+    return discrete_map(normal_forms, {"w": GOLDEN}, tuple(f"x{i}" for i in range(6)))
+
+
+@pytest.fixture(scope="module")
+def initial_conditions():
+    return np.random.default_rng(0).uniform(-0.9, 0.9, (40, 6))
+
+
+def test_circles_are_found_by_recurrence_with_rotation_number_and_residual(circles, initial_conditions, tmp_path):
+    with pytest.warns(UserWarning, match="2 of 2 attractors are not verified"):
+        basins = find_basins(circles, initial_conditions, max_periods=300)
+    assert [str(a.kind) for a in basins.attractors] == ["quasi-periodic"] * 2
+    for a in basins.attractors:
+        assert not a.verified
+        assert abs(a.exponents[0]) < 0.01
+        assert a.circle.invariance_error < 1e-3
+        assert min(a.circle.frequency, 1 - a.circle.frequency) == pytest.approx(1 - GOLDEN, abs=1e-9)
+        assert np.hypot(a.points[:, 0], a.points[:, 1]) == pytest.approx(RADIUS, abs=1e-9)
+    # The sign of u is kept, and decides.
+    assert np.array_equal(basins.labels == basins.labels[initial_conditions[:, 2] > 0][0], initial_conditions[:, 2] > 0)
+    assert (basins.labels >= 0).all()
+    save_basins(basins, tmp_path / "basins.h5")
+    assert not load_basins(tmp_path / "basins.h5").attractors[0].verified
+    assert basins.verify(40).wrong == 0
+
+
+def test_an_angle_that_turns_gets_sectors_in_which_others_are_bound_to_it():
+    coordinates = (angle("a"), angle("b"), "u", "v", "w", "x")
+    point_map = discrete_map(rotating, {"w": GOLDEN}, coordinates)
+    start = np.random.default_rng(1).uniform(-1, 1, (20, 6))
+    (attractor,) = find_attractors(point_map, start, max_periods=300)
+    assert attractor.circle.rotation_numbers[:2] == pytest.approx([GOLDEN, GOLDEN], abs=1e-9)
+    catalogue = Catalogue.of([attractor], point_map)
+    on, off = np.zeros((2, 50, 6))
+    on[:, 0] = on[:, 1] = np.linspace(-3, 3, 50)
+    on[:, 2:] = point_at(on[:, 0])[:, None]
+    off[:] = on
+    off[:, 1] += 1.5
+    assert (catalogue.owners_of(on) == 0).all()
+    assert (catalogue.owners_of(off) < 0).all()
+
+
+def point_at(phases):
+    """Return the damped coordinate on the attractor: u' = u / 2 + cos(a) / 10 along a' = a + 2 pi w."""
+    step = np.exp(2j * pi * GOLDEN)
+    return (0.1 / (step - 0.5) * np.exp(1j * phases)).real
+
+
+def test_chaos_is_not_taken_for_quasi_periodic():
+    def step(x, p):
+        return 1.0 - 1.4 * x[0] * x[0] + x[1], 0.3 * x[0], *(0.5 * v for v in x[2:])
+
+    henon = discrete_map(step, {}, tuple(f"x{i}" for i in range(6)))
+    start = np.random.default_rng(2).uniform(-0.1, 0.1, (8, 6))
+    assert recurrent_attractors(henon, start, np.ones(6), 100, []) == ([], [])
+    # The exponents of the Hénon map are 0.419 and -1.62 (Sprott, Chaos and Time-Series Analysis (2003)).
+    assert _exponents(henon, np.zeros(6), np.ones(6))[0] == pytest.approx(0.419, abs=0.05)
+
+
+def test_what_cannot_be_afforded_is_not_verified(circles):
+    def step(x, p):
+        return tuple(0.5 * v + 0.3 * w * w for v, w in zip(x, x[1:] + x[:1], strict=True))
+
+    wells = discrete_map(step, {}, tuple(f"x{i}" for i in range(6)))
+    (origin,) = find_attractors(wells, np.random.default_rng(3).uniform(-0.4, 0.4, (8, 6)))
+    region = trapping_neighbourhood(wells, origin, np.ones(6), lambda images: False)
+    assert origin.verified and not replace(origin, neighbourhood=region).verified
+    assert recurrent_attractors(circles, np.ones((3, 6)), np.ones(6), 10, [], lambda images: False) == ([], [])
