@@ -22,6 +22,7 @@ from .table_errors import has_power_series
 _CELL = 22.0  # derivatives, bounds of errors, and owner of a cell
 _ROW = 8.0  # an ellipsoid carried over a period
 _LOOK_UP = 2.5
+_FREE = 3e6  # a tenth of a second, for which nothing is left out
 _CELLS = 0.75  # of what may be spent beyond direct integration: so much may go into the cells of the table in any case
 _DOUBTED = 3.0  # direct integrations, which labels take that the table does not make certain,
 _OTHERS = 0.2  # and others
@@ -63,11 +64,12 @@ class Budget:
         """Whether the cells cost so much that direct integration after them would cost too much."""
         if self.cells <= _CELLS * (self.most - 1.0) * self.direct:
             return False
-        return self.cells + (_DOUBTED * self.doubted + _OTHERS) * self.direct > self.direct
+        return self.cells + (_DOUBTED * self.doubted + _OTHERS) * self.direct > max(self.direct, _FREE)
 
     def holds(self, tally: Tally, done: int, left: int) -> bool:
         """Tell whether those that are left can be certified as well, from the work on some."""
-        return self.cells + cost(tally) * (done + left) / max(done, 1) <= self.most * self.direct
+        expected = self.cells + cost(tally) * (done + left) / max(done, 1)
+        return expected <= max(self.most * self.direct, _FREE)
 
 
 def _doubted(basins: Basins, exact: PointMap) -> float:
