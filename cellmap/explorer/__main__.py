@@ -22,8 +22,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "--equations", metavar="FILE", help="file with equations, as text or in Python, which are shown first"
     )
     options = parser.parse_args(arguments)
-    typed = [] if options.equations is None else [typed_file(options.equations)]
-    with serve([*typed, *load_gallery(options.gallery)], options.port, open_page=not options.no_browser) as explorer:
+    try:
+        typed = [] if options.equations is None else [typed_file(options.equations)]
+        explorer = serve([*typed, *load_gallery(options.gallery)], options.port, open_page=not options.no_browser)
+    except (OSError, ValueError) as error:
+        parser.exit(1, f"{parser.prog}: {str(error).rpartition('] ')[2]}\n")
+    with explorer:
         print(explorer.address, flush=True)
         explorer.wait()
 

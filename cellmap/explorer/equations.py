@@ -34,11 +34,14 @@ from .formulas import (
     COMPARISONS,
     FUNCTIONS,
     LONGEST_TEXT,
+    MOST_WORK,
     OPERATORS,
     EquationError,
     PlainNumbers,
     is_number,
+    too_long,
     value_of,
+    work_of,
 )
 from .python_notation import Translation, is_python, translated
 
@@ -110,9 +113,13 @@ def _translated(text: str, title: str) -> Translation:
         scope.discard("t")
     rename = _Translated(values)
     body = [f"    {', '.join(states)}{',' if len(states) == 1 else ''} = x"]
+    work = 0
     for name in [*sorted_names, *states]:
         formula = found.others.get(name) or found.states[name]
         _known_names(formula, scope, found.lines[name])
+        work += work_of(formula)
+        if work > MOST_WORK:
+            raise too_long(found.lines[name])
         if name in sorted_names:
             body.append(f"    {name} = {ast.unparse(rename.visit(formula))}")
     images = ", ".join(ast.unparse(rename.visit(found.states[name])) for name in states)

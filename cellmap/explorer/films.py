@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from .._lib.checks import finite_number, known_parameter, one_of, whole_array, whole_number
+from .._lib.stopping import Stopped
 from .protocol import LOWEST
 from .view import View
 
@@ -22,6 +23,18 @@ _MOST_COLOURS = 254  # of a GIF, beside white and black for the line below the i
 _RATE = 12.5  # stills a second; a GIF counts in hundredths of a second
 _SMALLEST = 480  # pixels; smaller images are enlarged in videos, which keep colours at half the resolution
 _QUALITY = "16"  # constant rate factor of H.264: lower is better, 0 is without loss
+
+
+Still = tuple[View, NDArray[np.int16]]
+"""A view with its image of labels."""
+
+
+class FilmStopped(Stopped):
+    """A film that was ended before it was complete, after `done` of `of` images."""
+
+    def __init__(self, done: int, of: int) -> None:
+        super().__init__(f"the film was stopped after {done} of {of} images: ask for it again, and it goes on there")
+        self.facts = {"done": done, "of": of}
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +54,7 @@ class Film:
             raise ValueError("videos need the package av: pip install 'cellmap-dynamics[video]', or take a GIF")
         return cls(name, chosen, _palette(palette))
 
-    def file(self, stills: Sequence[tuple[View, NDArray[np.int16]]]) -> tuple[dict[str, str], bytes]:
+    def file(self, stills: Sequence[Still]) -> tuple[dict[str, str], bytes]:
         """Return the name and media type of the file, and its bytes, from views and their images of labels."""
         images = [self._still(view, raster) for view, raster in stills]
         if self.form == "gif":

@@ -12,6 +12,12 @@ from .._compiled.codegen.rebind import NUMPY_NAMES
 LONGEST_TEXT = 10_000
 """Characters of a text of equations."""
 
+MOST_WORK = 5000
+"""Operations of a right-hand side, so that it is compiled within some seconds."""
+
+FUNCTION_WORK = 80
+"""Operations as which a function such as the sine counts: the machine code of its vectors is as long."""
+
 FUNCTIONS = OF_MATH
 """Functions of :mod:`math` that formulas may call."""
 
@@ -51,6 +57,18 @@ def is_number(value: object) -> bool:
         return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
     except OverflowError:
         return False
+
+
+def work_of(formula: ast.expr) -> int:
+    """Return how many operations a formula has."""
+    functions = sum(isinstance(n, ast.Name) and n.id in FUNCTIONS for n in ast.walk(formula))
+    return FUNCTION_WORK * functions + sum(isinstance(n, ast.expr) for n in ast.walk(formula)) - functions
+
+
+def too_long(line: int, column: int = 1) -> EquationError:
+    """Return the error for a right-hand side that takes too long to compile."""
+    counted = f"a function such as sin counts as {FUNCTION_WORK}"
+    return EquationError(f"more than {MOST_WORK} operations, of which {counted}: write a shorter one", line, column)
 
 
 def value_of(formula: ast.expr) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._lib.arrays import Floats
+from .._lib.stopping import check_stop
 from ..attractors.labels import LABEL_NAMES
 from ..basins.live import LiveBasins, LiveFrame
 from ..basins.record import label_counts
@@ -19,6 +20,7 @@ from ..maps.system import ForcedSystem
 from ..maps.trajectories import trajectory
 from ..orbits.attractor import Attractor, distinct_names
 from .explored import Explored
+from .numbering import Numbering
 from .protocol import LOWEST, pixels
 from .view import View
 
@@ -28,7 +30,6 @@ LONGEST = 120.0
 
 _DRAWN = 400  # periods of an orbit that are drawn
 _SAMPLES = 4000  # states of its motion
-_ERROR_SAMPLES = 2000
 
 
 class Images:
@@ -43,12 +44,18 @@ class Images:
     def __init__(self, explored: Explored) -> None:
         self.explored = explored
         self.shown: tuple[View, LiveFrame] | None = None
-        self._live: tuple[tuple[int, float], LiveBasins] | None = None
+        self._live: tuple[tuple[int, float], LiveBasins, Numbering] | None = None
         self._guard = threading.Lock()
 
-    def frames(self, view: View, near: ArrayLike | None = None) -> Iterator[LiveFrame]:
-        """Yield frames from coarse to fine; the last one stays in `shown`."""
-        live = self._basins(view)
+    def frames(
+        self, view: View, near: ArrayLike | None = None, anchors: Mapping[int, Floats] | None = None
+    ) -> Iterator[LiveFrame]:
+        """Yield frames from coarse to fine; the last one stays in `shown`.
+
+        ``anchors``: a point of each attractor that has a number already, where the first image is asked for.
+        """
+        check_stop()
+        live, numbering = self._basins(view, anchors or {})
         request = live.frames(
             view.params,
             phase=view.phase,
@@ -56,7 +63,8 @@ class Images:
             near=None if near is None else view.state(near),
             max_seconds=LONGEST,
         )
-        for frame in request:
+        for found in request:
+            frame = numbering.numbered(found)
             with self._guard:
                 self.shown = view, frame
             yield frame
@@ -66,14 +74,19 @@ class Images:
         if self._live is not None:
             self._live[1].cancel()
 
-    def _basins(self, view: View) -> LiveBasins:
-        """Return the live basins of a map; identities last as long as the kind of map is the same."""
+    def _basins(self, view: View, anchors: Mapping[int, Floats]) -> tuple[LiveBasins, Numbering]:
+        """Return the live basins of a map, and numbers that last when the kind of map changes."""
         key = view.nodes, view.tolerance
         if self._live is None or self._live[0] != key:
-            point_map = self.explored.point_map(*key)
+            if self.shown is not None:
+                anchors = {k: a.points[0] for k, a in self.shown[1].attractors.items()}
+            point_map, window = self.explored.point_map(*key), self.explored.window
             # The first window, however far into it the view is: distances between attractors are relative to it.
-            self._live = key, LiveBasins(point_map, View.first(self.explored).initial_conditions(), MAX_PERIODS)
-        return self._live[1]
+            live = LiveBasins(point_map, View.first(self.explored).initial_conditions(), MAX_PERIODS)
+            check_stop()  # others may be wanted by now, of other live basins
+            extent = np.subtract(window.upper, window.lower)
+            self._live = key, live, Numbering(anchors, extent)
+        return self._live[1:]
 
     def seen(self, complete: bool = True) -> tuple[View, LiveFrame]:
         """Return the last frame and its view.
@@ -142,26 +155,6 @@ def _attractor(attractor: Attractor, name: str) -> dict[str, Any]:
         "exponents": attractor.exponents,
         "points": attractor.points[:256],
     }
-
-
-def quality(view: View, frame: LiveFrame) -> dict[str, Any]:
-    """Return how accurate the map of a frame is."""
-    point_map = frame.basins.point_map
-    assert point_map is not None
-    found: dict[str, Any] = {"map": point_map.recipe["kind"], "tolerance": view.tolerance, "nodes": view.nodes}
-    if point_map.table is not None:
-        error = point_map.error(_ERROR_SAMPLES)
-        found["fallback"] = float(point_map.table.fallback.mean())
-        found["error"] = {"median": error.median, "percentile_99": error.percentile_99, "largest": error.largest}
-    if point_map.without_table.unknown_formulas:
-        found["unknown_formulas"] = point_map.without_table.unknown_formulas
-    return found
-
-
-def verification(frame: LiveFrame, n_samples: int) -> dict[str, Any]:
-    """Compare labels of random initial conditions with those of the exact map."""
-    found = frame.basins.verify(n_samples)
-    return {name: getattr(found, name) for name in ("compared", "wrong", "low", "high", "excluded", "undecided")}
 
 
 def orbit(view: View, frame: LiveFrame, point: ArrayLike) -> dict[str, Any]:

@@ -13,10 +13,19 @@ from dataclasses import dataclass
 from enum import Enum
 
 from .._lib.checks import shown
-from .formulas import BUILT_IN, COMPARISONS, FUNCTIONS, IN_NUMPY, OPERATORS, EquationError, PlainNumbers, is_number
-
-MOST_WORK = 5000
-"""Operations of one call of the right-hand side, with those of all functions that it calls."""
+from .formulas import (
+    BUILT_IN,
+    COMPARISONS,
+    FUNCTION_WORK,
+    FUNCTIONS,
+    IN_NUMPY,
+    MOST_WORK,
+    OPERATORS,
+    EquationError,
+    PlainNumbers,
+    is_number,
+    too_long,
+)
 
 _RESERVED = {"ForcedSystem", "discrete_map", "angle", "Coordinate", "system", *FUNCTIONS, *BUILT_IN, "pi"}
 
@@ -163,7 +172,8 @@ class Functions:
     def _count(self, work: int, node: ast.AST) -> None:
         self._work += work
         if self._work > MOST_WORK:
-            raise self.places.error(f"more than {MOST_WORK} operations: write a shorter program", node)
+            place = self.places.error("", node)
+            raise too_long(place.line, place.column)
 
     # --- statements
 
@@ -300,6 +310,7 @@ class Functions:
             raise self.places.error("give array a list of numbers", node)
         if name in self.known:
             return self._called(self.known[name], tuple(self.expression(a, names) for a in node.args), node)
+        self._count(FUNCTION_WORK if name in FUNCTIONS else 0, node)
         return self._numbers(node.args, names)
 
     def called_name(self, function: ast.expr, names: Names) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import socket
 import sys
@@ -92,12 +93,7 @@ def serve(gallery: Sequence[Explored | ExploredScene], port: int = 0, open_page:
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(f"{error}: pip install 'cellmap-dynamics[explorer]'") from error
     systems = {e.name: e for e in checked_gallery(gallery)}
-    listening = socket.socket()
-    try:
-        listening.bind(("127.0.0.1", whole_number("port", port, at_most=65535)))
-    except OSError:
-        listening.close()
-        raise
+    listening = _listening(whole_number("port", port, at_most=65535))
     token = secrets.token_urlsafe(24)
     config = uvicorn.Config(
         application(systems, token),
@@ -115,6 +111,21 @@ def serve(gallery: Sequence[Explored | ExploredScene], port: int = 0, open_page:
     if open_page:
         webbrowser.open(explorer.address)
     return explorer
+
+
+def _listening(port: int) -> socket.socket:
+    """Return a socket at a port, also just after another server of it has ended, whose pages are open."""
+    listening = socket.socket()
+    if os.name == "posix":  # elsewhere the option takes the port from a server that is running
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind(("127.0.0.1", port))
+        listening.listen(2048)
+    except OSError as error:
+        listening.close()
+        taken = "is taken by another program: end that one, or give another port or none"
+        raise OSError(error.errno, f"port={port} {taken}") from None
+    return listening
 
 
 @checked

@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from .._lib.arrays import Floats
 from .._lib.checks import shown, text, whole_number
+from .._lib.stopping import Stop, Stopped, heeding
 from ..attractors.labels import LABEL_NAMES
-from . import downloads
+from .accuracy import TOLERANCES
 from .equations import typed_system
 from .explored import Explored, ExploredScene, explored_of
-from .films import Film, sweep
+from .films import Film, FilmStopped, Still, sweep
 from .formulas import EquationError
-from .images import Images, basin_image, described, orbit, quality, verification
-from .measures import certificate, measures
+from .images import LONGEST, Images, basin_image, described
+from .jobs import THREADS, Jobs
+from .numbering import anchors_of
 from .protocol import LOWEST, MessageError, decoded, encoded, packed
-from .saddles import saddles
-from .stability import stability
-from .sweeps import diagram
+from .questions import QUESTIONS, failure, range_of
 from .view import SCHEMA, View
 
 UNDER_WAY = 2
@@ -39,9 +37,6 @@ RATE, BURST = 300.0, 600.0
 """Messages a second that a page may send for long, and at once."""
 
 
-_Still = tuple[View, NDArray[np.int16]]
-
-
 @dataclass(frozen=True, eq=False)
 class _Wanted:
     """An image that the page has asked for, or the images of a film."""
@@ -50,8 +45,17 @@ class _Wanted:
     images: Images
     views: tuple[View, ...]
     near: Any
+    anchors: Mapping[int, Floats]
     since: float
     film: Film | None = None
+    stop: Stop = field(default_factory=Stop)
+    given_up: asyncio.Event = field(default_factory=asyncio.Event)
+
+    def give_up(self) -> None:
+        """End it, at once for the page; its thread may be compiling, and ends later."""
+        self.stop.request()
+        self.images.cancel()
+        self.given_up.set()
 
 
 class Session:
@@ -75,10 +79,10 @@ class Session:
         self._waiting: tuple[_Wanted, dict[str, Any], bytes] | None = None
         self._sent: set[int] = set()
         self._frames = 0
-        self._answering = asyncio.Lock()
         self._sending = asyncio.Lock()
-        self._jobs: set[asyncio.Task[None]] = set()
-        self._drawing, self._asking = ThreadPoolExecutor(1, "image"), ThreadPoolExecutor(1, "question")
+        self._jobs = Jobs(self._tell)
+        self._stills: tuple[Images, str, list[Still]] | None = None  # of a film that is not complete
+        self._drawing = ThreadPoolExecutor(THREADS, "image")
 
     async def run(self) -> None:
         """Serve the page until it is gone."""
@@ -89,13 +93,13 @@ class Session:
         except (WebSocketDisconnect, RuntimeError):
             pass  # the page is gone, while it was listened to or written to
         finally:
+            self._give_up()
             self._wanted = None
-            self._images.cancel()
-            for task in [*work, *self._jobs]:
+            for task in work:
                 task.cancel()
-            await asyncio.gather(*work, *self._jobs, return_exceptions=True)
+            await asyncio.gather(*work, return_exceptions=True)
+            await self._jobs.end()
             self._drawing.shutdown(wait=False, cancel_futures=True)
-            self._asking.shutdown(wait=False, cancel_futures=True)
 
     async def _hello(self) -> None:
         await self._tell(
@@ -103,6 +107,7 @@ class Session:
                 "type": "hello",
                 "schema": SCHEMA,
                 "lowest": LOWEST,
+                "tolerances": TOLERANCES,
                 "codes": {name: code for code, name in LABEL_NAMES.items()},
                 "systems": [{"name": e.name, "title": e.title} for e in self._gallery.values()],
                 "system": described(self._images.explored),
@@ -138,43 +143,36 @@ class Session:
         elif kind == "view":
             request = whole_number("request", asked.get("request"))
             view = View.of(asked.get("view"), self._images.explored)
-            self._ask_for(_Wanted(request, self._images, (view,), asked.get("near"), time.monotonic()))
+            anchors = anchors_of(asked.get("anchors"), len(view.others))
+            self._ask_for(_Wanted(request, self._images, (view,), asked.get("near"), anchors, time.monotonic()))
         elif kind == "film":
             request = whole_number("request", asked.get("request"))
             view = View.of(asked.get("view"), self._images.explored)
-            views = sweep(view, *_range(asked), asked.get("stills"))
+            views = sweep(view, *range_of(asked), asked.get("stills"))
             film = Film.of(asked["parameter"], asked.get("format"), asked.get("palette"), view)
-            self._ask_for(_Wanted(request, self._images, views, None, time.monotonic(), film))
+            self._ask_for(_Wanted(request, self._images, views, None, {}, time.monotonic(), film))
+        elif kind == "cancel":
+            await self._cancel(whole_number("of", asked.get("of")))
         elif kind == "system":
-            self._later(asked, lambda: self._chosen(asked), self._use)
-        elif kind in _QUESTIONS:
+            self._jobs.begin(asked, lambda: self._chosen(asked), self._use)
+        elif kind in QUESTIONS:
             images = self._images
-            self._later(asked, lambda: _QUESTIONS[kind](images, asked), self._reply)
+            self._jobs.begin(asked, lambda: QUESTIONS[kind](images, asked), self._reply)
         else:
-            raise MessageError(
-                f"type={shown(kind)}: this is none of drawn, view, film, system, {', '.join(_QUESTIONS)}"
-            )
+            known = ", ".join(("drawn", "view", "film", "cancel", "system", *QUESTIONS))
+            raise MessageError(f"type={shown(kind)}: this is none of {known}")
 
-    def _later(
-        self, asked: Mapping[str, Any], work: Callable[[], Any], then: Callable[[Mapping[str, Any], Any], Any]
-    ) -> None:
-        """Answer a question in its thread; at most a few may wait."""
-        if len(self._jobs) >= 8:
-            raise ValueError(f"type={asked['type']!r}: eight questions are waiting for answers, ask again later")
+    async def _cancel(self, request: int) -> None:
+        """End what was asked for under a number; what has ended already is no mistake."""
+        ended = await self._jobs.cancel(request)
+        if not ended and self._wanted is not None and self._wanted.request == request:
+            self._give_up()
 
-        async def job() -> None:
-            try:
-                answer = await asyncio.get_running_loop().run_in_executor(self._asking, work)
-                await then(asked, answer)
-            except (WebSocketDisconnect, RuntimeError):
-                pass
-            except Exception as error:
-                with contextlib.suppress(WebSocketDisconnect, RuntimeError):
-                    await self._tell(failure(error, asked.get("request")))
-
-        task = asyncio.ensure_future(job())
-        self._jobs.add(task)
-        task.add_done_callback(self._jobs.discard)
+    def _give_up(self) -> None:
+        """End the image that is being computed, and that which was asked for."""
+        for wanted in (self._present, self._wanted):
+            if wanted is not None:
+                wanted.give_up()
 
     async def _reply(self, asked: Mapping[str, Any], answer: Any) -> None:
         facts = {"type": asked["type"], "request": asked.get("request")}
@@ -184,20 +182,22 @@ class Session:
         else:
             await self._tell({**facts, **answer})
 
-    def _chosen(self, asked: Mapping[str, Any]) -> Images:
+    def _chosen(self, asked: Mapping[str, Any]) -> tuple[Images, dict[str, Any]]:
         """Return the images of another system: one of the gallery, perhaps with parts, or one that was typed."""
         if asked.get("text") is not None:
-            return Images(typed_system(text("text", asked["text"])))
-        name = text("name", asked.get("name"))
-        if name not in self._gallery:
-            raise ValueError(f"name={shown(name)}: choose one of {', '.join(self._gallery)}")
-        return Images(explored_of(self._gallery[name], asked.get("parts")))
+            explored = typed_system(text("text", asked["text"]))
+        else:
+            name = text("name", asked.get("name"))
+            if name not in self._gallery:
+                raise ValueError(f"name={shown(name)}: choose one of {', '.join(self._gallery)}")
+            explored = explored_of(self._gallery[name], asked.get("parts"))
+        return Images(explored), described(explored)
 
-    async def _use(self, asked: Mapping[str, Any], images: Images) -> None:
-        self._images.cancel()
-        self._images, self._wanted = images, None
+    async def _use(self, asked: Mapping[str, Any], chosen: tuple[Images, dict[str, Any]]) -> None:
+        self._give_up()
+        self._images, self._wanted, self._stills = chosen[0], None, None
         answer = {"type": "system", "request": asked.get("request"), "text": asked.get("text")}
-        await self._tell({**answer, "system": described(images.explored)})
+        await self._tell({**answer, "system": chosen[1]})
 
     def _ask_for(self, wanted: _Wanted) -> None:
         self._wanted = wanted
@@ -217,32 +217,79 @@ class Session:
                 continue
             self._present = wanted
             try:
-                stills = await loop.run_in_executor(self._drawing, self._compute, wanted, loop)
+                complete = await self._computed(wanted, loop)
                 if wanted.film is not None:
-                    await self._send_film(wanted, wanted.film, stills)
+                    await self._send_film(wanted, wanted.film)
+                elif not complete and self._wanted is wanted:
+                    raise ValueError(
+                        f"image is not complete after {LONGEST:g} s: take fewer cells, or a looser tolerance"
+                    )
             except (WebSocketDisconnect, RuntimeError):
                 return
             except Exception as error:
-                await self._tell(failure(error, wanted.request))
+                if wanted.film is not None or wanted.images is self._images:
+                    await self._tell(failure(error, wanted.request))
 
-    def _compute(self, wanted: _Wanted, loop: asyncio.AbstractEventLoop) -> list[_Still]:
-        """Compute images, in the thread for them, until others are wanted; return those of a film."""
-        stills: list[_Still] = []
-        for view in wanted.views:
-            for frame in wanted.images.frames(view, wanted.near):
-                self._has_frame = True
-                loop.call_soon_threadsafe(self._offer, wanted, *basin_image(view, frame))
-                if self._wanted is not wanted:
-                    return stills
-                if frame.complete and wanted.film is not None:
-                    stills.append((view, view.raster(frame.identity_image)))
-        return stills
+    async def _computed(self, wanted: _Wanted, loop: asyncio.AbstractEventLoop) -> bool:
+        """Compute images, and tell whether the last one is complete; return at once where they are given up."""
+        leaving = asyncio.ensure_future(wanted.given_up.wait())
+        computing = loop.run_in_executor(self._drawing, self._compute, wanted, loop)
+        computing.add_done_callback(lambda done: done.cancelled() or done.exception())  # nobody may be waiting
+        try:
+            either: list[asyncio.Future[Any]] = [computing, leaving]
+            await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            leaving.cancel()
+        if wanted.given_up.is_set():
+            if wanted.film is None:
+                raise Stopped
+            return False
+        try:
+            return computing.result()
+        except RuntimeError as error:
+            raise ValueError(str(error)) from error  # of the computation, not of the connection
 
-    async def _send_film(self, wanted: _Wanted, film: Film, stills: list[_Still]) -> None:
+    def _compute(self, wanted: _Wanted, loop: asyncio.AbstractEventLoop) -> bool:
+        """Compute images, in a thread for them, until others are wanted; keep those of a film."""
+        stills, complete, film = self._stills_of(wanted), False, wanted.film
+        with heeding(wanted.stop):
+            for k, view in enumerate(wanted.views):
+                if k < len(stills):
+                    continue
+                for frame in wanted.images.frames(view, wanted.near, wanted.anchors):
+                    if wanted.stop.requested:
+                        return False
+                    self._has_frame, complete = True, frame.complete
+                    facts, data = basin_image(view, frame)
+                    if film is not None:
+                        value = view.params[film.parameter]
+                        still = {"number": k + 1, "of": len(wanted.views), "parameter": film.parameter, "value": value}
+                        facts["film"] = still
+                        if frame.complete and len(stills) == k:
+                            stills.append((view, view.raster(frame.identity_image)))
+                    loop.call_soon_threadsafe(self._offer, wanted, facts, data)
+                    if self._wanted is not wanted:
+                        return complete
+                if not complete:
+                    return False
+        return complete
+
+    def _stills_of(self, wanted: _Wanted) -> list[Still]:
+        """Return the images of a film that have been computed already."""
+        if wanted.film is None:
+            return []
+        kept, views = self._stills, repr(wanted.views)
+        if kept is None or kept[:2] != (wanted.images, views):
+            kept = self._stills = wanted.images, views, []
+        return kept[2]
+
+    async def _send_film(self, wanted: _Wanted, film: Film) -> None:
         """Send a film that is complete."""
+        stills = self._stills_of(wanted)
         if len(stills) < len(wanted.views):
-            raise ValueError("film has ended early, for another image was wanted: ask for it again")
+            raise FilmStopped(len(stills), len(wanted.views))
         facts, data = await asyncio.get_running_loop().run_in_executor(None, film.file, stills)
+        self._stills = None
         async with self._sending:
             await self._socket.send_bytes(packed({"type": "film", "request": wanted.request, **facts}, data))
 
@@ -272,37 +319,3 @@ class Session:
     async def _tell(self, message: Mapping[str, Any]) -> None:
         async with self._sending:
             await self._socket.send_text(encoded(message))
-
-
-def failure(error: Exception, request: Any) -> dict[str, Any]:
-    """Return the message that says what has failed, and for typed equations where."""
-    message = str(error) or type(error).__name__
-    if not isinstance(error, EquationError | TypeError | ValueError):
-        message = f"{type(error).__name__}: {message}"
-    told = {"type": "error", "request": request if isinstance(request, int) else None, "message": message}
-    if isinstance(error, EquationError):
-        told |= {"line": error.line, "column": error.column}
-    return told
-
-
-def _range(asked: Mapping[str, Any]) -> tuple[Any, Any, Any]:
-    return asked.get("parameter"), asked.get("lower"), asked.get("upper")
-
-
-def _number_of_samples(asked: Mapping[str, Any]) -> int:
-    return whole_number("n_samples", asked.get("n_samples", 1000), 1, 20000)
-
-
-_QUESTIONS: Mapping[str, Callable[[Images, Mapping[str, Any]], Any]] = {
-    "quality": lambda images, asked: quality(*images.seen()),
-    "verify": lambda images, asked: verification(images.seen()[1], _number_of_samples(asked)),
-    "certify": lambda images, asked: certificate(*images.seen()),
-    "measures": lambda images, asked: measures(images.seen()[1]),
-    "orbit": lambda images, asked: orbit(*images.seen(complete=False), asked.get("point", ())),
-    "saddles": lambda images, asked: saddles(*images.seen(), asked.get("longest_period", 1)),
-    "diagram": lambda images, asked: diagram(*images.seen(), *_range(asked)),
-    "stability": lambda images, asked: stability(*images.seen(), asked.get("x"), asked.get("y")),
-    "script": lambda images, asked: {"text": downloads.script(images.explored, *images.seen())},
-    "hdf5": lambda images, asked: downloads.hdf5(images.seen()[1]),
-    "netcdf": lambda images, asked: downloads.netcdf(images.seen()[1]),
-}

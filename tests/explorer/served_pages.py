@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import cos, pi
 from typing import Any
 
@@ -88,6 +88,16 @@ class Page:
             self.socket.send(json.dumps({"type": "drawn", "frame": frame["frame"]}))
             if frame["request"] == request and frame["complete"]:
                 return frame, numbers_of(frame)
+
+
+def frames_until(page: Page, last: Callable[[dict[str, Any]], bool]) -> list[dict[str, Any]]:
+    """Receive frames until one is the last of interest."""
+    frames: list[dict[str, Any]] = []
+    while not frames or not last(frames[-1]):
+        frames.append(page.receive())
+        assert frames[-1]["type"] == "frame", frames[-1]
+        page.send("drawn", frame=frames[-1]["frame"])
+    return frames
 
 
 def numbers_of(frame: dict[str, Any]) -> NDArray[np.int64]:

@@ -2,9 +2,10 @@
 
 const SCHEMA = 1;
 const LISTS = ["axes", "lower", "upper", "others", "cells"];
+const MOST = 64; // attractors that keep their colours
 const NUMBERS = ["phase", "nodes", "tolerance"];
 
-export function written({ name, text, parts, view }) {
+export function written({ name, text, parts, view, anchors }) {
   const query = new URLSearchParams({ schema: SCHEMA });
   if (text) query.set("text", text);
   else query.set("system", name);
@@ -12,6 +13,7 @@ export function written({ name, text, parts, view }) {
   for (const key of LISTS) query.set(key, view[key].join(","));
   for (const key of NUMBERS) if (view[key] !== null) query.set(key, view[key]);
   for (const [key, value] of Object.entries(view.params)) query.set(`p.${key}`, value);
+  for (const [number, point] of (anchors ?? []).slice(0, MOST)) query.set(`a.${number}`, point.map((v) => Number(v.toPrecision(8))).join(","));
   return `#${query}`;
 }
 
@@ -31,7 +33,13 @@ export function read(fragment) {
   for (const key of LISTS) if (query.has(key)) view[key] = query.get(key).split(",").map(Number);
   for (const key of NUMBERS) if (query.has(key)) view[key] = Number(query.get(key));
   for (const [key, value] of query) if (key.startsWith("p.")) view.params[key.slice(2)] = Number(value);
-  return { name: query.get("system"), text: query.get("text"), parts: query.get("parts")?.split(",") ?? null, view };
+  const anchors = [...query].filter(([key]) => /^a\.\d{1,4}$/.test(key)).map(([key, value]) => [Number(key.slice(2)), value.split(",").map(Number)]);
+  return { name: query.get("system"), text: query.get("text"), parts: query.get("parts")?.split(",") ?? null, view, anchors };
+}
+
+// Returns those of an address's points of attractors that are states of a system.
+export function fittingAnchors(anchors, { coordinates }) {
+  return (anchors ?? []).filter(([, point]) => point.length === coordinates.length && point.every(Number.isFinite)).slice(0, MOST);
 }
 
 // Returns the view of a system with what fits of another one: an address may say anything.

@@ -38,7 +38,7 @@ export class Connection {
     this.socket.onmessage = (event) => this.receive(event.data);
     this.socket.onopen = () => { this.delay = 500; this.changed(true, ""); };
     this.socket.onclose = (event) => {
-      for (const { reject } of this.pending.values()) reject(new Error("the connection was lost"));
+      for (const { reject } of this.pending.values()) reject(new Error("the connection was lost: press it again when it is back"));
       this.pending.clear();
       this.changed(false, event.reason);
       setTimeout(() => this.open(), this.delay);
@@ -63,6 +63,11 @@ export class Connection {
     const request = ++this.number;
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ ...message, request }));
     return request;
+  }
+
+  // Ends what was asked for under a number.
+  cancel(request) {
+    this.send({ type: "cancel", of: request });
   }
 
   // Sends a message, and promises its answer; `numbered` is told its number at once.

@@ -1,12 +1,20 @@
 // Sliders with number fields, and fields for the limits of the window.
 
+import { entered, placed, short } from "./numbers.js";
+
+const FAR = 5; // ranges by which a value may lie outside of the range of its slider, which is then extended to it
+
 // Returns the range of a slider around the value that a parameter has at first.
 function range(value) {
   if (value === 0) return [-1, 1];
   return value > 0 ? [0, 2 * value] : [2 * value, 0];
 }
 
-const short = (value) => Number(value.toPrecision(6));
+// Returns the range of a slider at a value: that at first, extended to the value, or around it where it is far away.
+function rangeAt(value, [low, high]) {
+  if (Math.abs(value - (low + high) / 2) > FAR * (high - low)) return range(Math.max(-8e307, Math.min(8e307, value)));
+  return [Math.min(low, value), Math.max(high, value)];
+}
 
 export class Controls {
   // `changed(name, value)` is called for parameters, with the name null for the phase.
@@ -20,7 +28,12 @@ export class Controls {
   make(view) {
     this.rows.clear();
     const rows = Object.entries(view.params).map(([name, value]) => this.row(name, name, value, range(value)));
-    if (view.phase !== null) rows.push(this.row(null, "phase of the section", view.phase, [0, 1]));
+    if (view.phase !== null) {
+      const section = this.row(null, "phase of the section", view.phase, [0, 1]);
+      section.classList.add("section"); // apart from the parameters, of which one may be a phase too
+      section.title = "Time within the period, as a fraction of it, at which initial conditions are given";
+      rows.push(section);
+    }
     this.place.replaceChildren(...rows);
   }
 
@@ -44,7 +57,7 @@ export class Controls {
       this.changed(name, number.valueAsNumber);
     });
     row.append(label, slider, number);
-    this.rows.set(name, { slider, number });
+    this.rows.set(name, { slider, number, first: [low, high] });
     this.put(name, value);
     return row;
   }
@@ -59,9 +72,8 @@ export class Controls {
   }
 
   put(name, value) {
-    const { slider, number } = this.rows.get(name);
-    slider.min = Math.min(slider.min, value);
-    slider.max = Math.max(slider.max, value);
+    const { slider, number, first } = this.rows.get(name);
+    [slider.min, slider.max] = rangeAt(value, first);
     slider.valueAsNumber = value;
     number.value = value;
   }
@@ -97,10 +109,13 @@ export class Limits {
 
   field(title, key, k) {
     const label = Object.assign(document.createElement("label"), { textContent: `${title} ` });
-    const input = Object.assign(document.createElement("input"), { type: "number", step: "any" });
+    const input = Object.assign(document.createElement("input"), { type: "text", className: "number", autocomplete: "off" });
+    input.title = "A number, or a sum such as 0.3 + 4e-13";
     input.dataset.field = `${key}-${k}`;
     input.addEventListener("change", () => {
-      if (Number.isFinite(input.valueAsNumber)) this.changed(key, k, input.valueAsNumber);
+      const value = entered(input.value);
+      input.ariaInvalid = String(!Number.isFinite(value));
+      if (Number.isFinite(value)) this.changed(key, k, value);
     });
     this.fields.push({ input, key, k });
     label.append(input);
@@ -108,7 +123,11 @@ export class Limits {
   }
 
   put(view) {
-    for (const { input, key, k } of this.fields) if (document.activeElement !== input) input.value = short(view[key][k]);
+    for (const { input, key, k } of this.fields) {
+      if (document.activeElement === input) continue;
+      input.value = key === "others" ? short(view.others[k]) : placed(view[key][k], view.lower[k], view.upper[k], 1e4);
+      input.ariaInvalid = "false";
+    }
   }
 }
 

@@ -1,7 +1,7 @@
 // Views that are kept with a thumbnail, files that are saved, and the image as SVG.
 
 import { css } from "./colours.js";
-import { ticks } from "./overlay.js";
+import { axisName, ticks } from "./numbers.js";
 
 // Adds a button with a thumbnail of an image, which calls `back`.
 export function keep(place, image, title, back) {
@@ -30,21 +30,21 @@ export function svg(image, view, coordinates, attractors) {
   const x = (v) => left + (size * (v - view.lower[0])) / (view.upper[0] - view.lower[0]);
   const y = (v) => size * (1 - (v - view.lower[1]) / (view.upper[1] - view.lower[1]));
   const flat = view.axes.length < 2;
-  const name = (j) => escaped(coordinates[j].unit ? `${coordinates[j].name} (${coordinates[j].unit})` : coordinates[j].name);
+  const name = (k) => escaped(axisName(coordinates[view.axes[k]], view.lower[k], view.upper[k]));
   const parts = [
     `<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 -8 ${left + size + 10} ${size + bottom + 8}" font-family="sans-serif" font-size="13">`,
     `<image x="${left}" y="0" width="${size}" height="${size}" preserveAspectRatio="none" style="image-rendering:pixelated" href="${image.toDataURL()}"/>`,
     `<rect x="${left}" y="0" width="${size}" height="${size}" fill="none" stroke="#000"/>`,
   ];
-  for (const v of ticks(view.lower[0], view.upper[0], 6)) {
-    parts.push(`<path d="M${x(v)} ${size}v5" stroke="#000"/><text x="${x(v)}" y="${size + 18}" text-anchor="middle">${v}</text>`);
+  for (const { at, text } of ticks(view.lower[0], view.upper[0], 6)) {
+    parts.push(`<path d="M${x(at)} ${size}v5" stroke="#000"/><text x="${x(at)}" y="${size + 18}" text-anchor="middle">${text}</text>`);
   }
-  parts.push(`<text x="${left + size / 2}" y="${size + 38}" text-anchor="middle">${name(view.axes[0])}</text>`);
+  parts.push(`<text x="${left + size / 2}" y="${size + 38}" text-anchor="middle">${name(0)}</text>`);
   if (!flat) {
-    for (const v of ticks(view.lower[1], view.upper[1], 6)) {
-      parts.push(`<path d="M${left} ${y(v)}h-5" stroke="#000"/><text x="${left - 8}" y="${y(v) + 4}" text-anchor="end">${v}</text>`);
+    for (const { at, text } of ticks(view.lower[1], view.upper[1], 6)) {
+      parts.push(`<path d="M${left} ${y(at)}h-5" stroke="#000"/><text x="${left - 8}" y="${y(at) + 4}" text-anchor="end">${text}</text>`);
     }
-    parts.push(`<text transform="translate(14 ${size / 2}) rotate(-90)" text-anchor="middle">${name(view.axes[1])}</text>`);
+    parts.push(`<text transform="translate(14 ${size / 2}) rotate(-90)" text-anchor="middle">${name(1)}</text>`);
   }
   for (const a of attractors) {
     for (const p of a.points) {

@@ -1,146 +1,137 @@
 // The page: its state, and what each part of it does when the state or an answer changes.
 
-import { fitting, read, remember } from "./address.js";
+import { actions } from "./actions.js";
+import { fitting, fittingAnchors, read } from "./address.js";
+import { Away } from "./away.js";
 import { Connection, connect } from "./connection.js";
 import { Controls, Limits, choices } from "./controls.js";
 import { Equations } from "./equations.js";
 import { Gestures } from "./gestures.js";
-import { download, keep, svg } from "./keeping.js";
+import { Live } from "./live.js";
+import { impossible, placed } from "./numbers.js";
 import { Orbits } from "./orbits.js";
 import { drawOverlay } from "./overlay.js";
 import { Parts } from "./parts.js";
 import { Picture } from "./picture.js";
 import { Plane } from "./plane.js";
-import { accuracy, certified, nameOf, news, showAttractors, showMeasures, showSaddles, verified } from "./report.js";
+import { nameOf } from "./report.js";
 import { Range, Sweep } from "./sweep.js";
+import { Work } from "./work.js";
 
 const $ = (id) => document.getElementById(id);
-const state = { name: null, text: null, parts: null, system: null, view: null };
-const views = new Map(); // by the numbers of their requests
+const state = { name: null, text: null, parts: null, system: null, view: null, anchors: [] };
 const names = new Map();
-let codes = {};
-let picture = null;
+const shown = { saddles: null, open: null }; // over the image: saddles with their manifolds, cells that a certificate left open
+let tolerances = [];
 let marked = { cross: null, box: null };
-let open = null; // cells that a certificate has left open
-let saddles = null; // with their stable manifolds
-let oldest = 0; // requests before this one belong to another system
-let asking = null; // timer of the view that is sent next
-let sent = -Infinity; // when the last one was sent
-let listed = -Infinity; // when the table of attractors was made
 let drawing = false;
+
+const opening = new Work($("opening")); // a system
+const windowing = new Work($("window-note"));
+const following = new Work($("following"));
 
 function fail(error) {
   $("failure").textContent = error?.message ?? String(error ?? "");
 }
 
+const away = new Away({ place: $("away"), address: $("next"), go: $("go"), state: $("state") }, () => state);
 const connection = new Connection(connect, {
   hello: (message) => greeted(message).catch(fail),
-  frame: (frame) => arrived(frame),
-  error: (message) => { fail(message); },
+  frame: (frame) => live.arrived(frame),
+  error: (message) => {
+    if (message.request !== null && message.request === live.newest) live.without(message);
+    else if (!live.views.has(message.request)) fail(message);
+  },
 }, (open, reason) => {
-  $("state").textContent = open ? "" : reason || "The server cannot be reached; trying again.";
+  away.changed(open, reason);
+  if (!open && state.view) live.without({ message: "there is no connection to the explorer" });
+});
+
+const live = new Live(state, connection, {
+  $, names, redraw,
+  put: (name, value) => (name ? controls.put(name, value) : putControls()),
+  near: () => marked.near ?? null,
+  changed: () => changed(),
 });
 
 async function greeted(message) {
-  codes = message.codes;
-  picture ??= new Picture($("image"), message.lowest);
+  live.codes = message.codes;
+  tolerances = message.tolerances;
+  live.picture ??= new Picture($("image"), message.lowest);
   sweep.lowest = message.lowest;
   choices($("system"), message.systems.map((s) => [s.name, s.title]), null);
-  let asked = state.view ? state : null;
+  let asked = state.view ? { ...state } : null;
   try {
     asked ??= read(location.hash);
   } catch (error) {
     fail(error);
   }
   names.clear();
-  if (asked && (asked.text || asked.parts || asked.name !== message.system.name)) await choose(asked, asked.view);
-  else use(message.system, null, asked?.view);
+  if (asked && (asked.text || asked.parts || asked.name !== message.system.name)) await choose(asked, asked);
+  else use(message.system, null, asked ?? {});
 }
 
-// Asks for a system by its name, perhaps with parts, or by its text, and shows it at a view.
-async function choose({ name, text, parts }, view) {
-  const answer = await connection.ask({ type: "system", ...(text ? { text } : { name, parts }) });
-  fail("");
-  use(answer.system, answer.text ?? null, view);
+// Asks for a system by its name, perhaps with parts, or by its text, and shows it at a view with points of attractors.
+async function choose({ name, text, parts }, shownAt = {}) {
+  opening.begin("opening the system");
+  try {
+    const answer = await live.ask(opening, { type: "system", ...(text ? { text } : { name, parts }) });
+    fail("");
+    use(answer.system, answer.text ?? null, shownAt);
+  } finally {
+    opening.end();
+  }
 }
 
-function use(system, text, view) {
+// Does the same, and tells a failure beside the choice.
+function open(asked, shownAt) {
+  return choose(asked, shownAt).catch((error) => {
+    if (state.system) $("system").value = state.text ? "" : state.name;
+    opening.end(error);
+  });
+}
+
+function use(system, text, { view = null, anchors = [] }) {
+  live.begin();
   Object.assign(state, { system, name: system.name, text, parts: system.scene?.parts ?? null });
-  state.view = fitting(view ?? {}, system);
+  Object.assign(state, { view: fitting(view ?? {}, system), anchors: fittingAnchors(anchors, system) });
   document.querySelector("main").inert = false;
   parts.make(system.scene);
   if (text) $("text").value = text;
   $("system").value = text ? "" : system.name;
   gestures.forget();
   names.clear();
-  views.clear();
-  oldest = connection.number + 1;
-  picture.clear();
   marked = { cross: null, box: null };
   for (const id of ["news", "quality", "here"]) $(id).textContent = "\u00a0";
   $("attractors").tBodies[0].replaceChildren();
   controls.make({ ...system.view, params: system.view.params });
-  for (const [key, value] of Object.entries(state.view.params)) controls.put(key, value);
-  if (state.view.phase !== null) controls.put(null, state.view.phase);
+  putControls();
   limits.make(state.view, system.coordinates);
   sweep.make();
   plane.make();
   const own = (values, value) => [...new Set([...values, value])].sort((a, b) => a - b);
   choices($("cells"), own([125, 250, 500, 1000, 2000], state.view.cells[0]).map((n) => [n, n]), state.view.cells[0]);
   choices($("nodes"), own([0, 64, 128, 256, 512], state.view.nodes).map((n) => [n, n ? `${n} cells` : "exact"]), state.view.nodes);
-  choices($("tolerance"), own([1e-3, 1e-4, 1e-6, 1e-9, 1e-12], state.view.tolerance).map((v) => [v, v.toExponential()]), state.view.tolerance);
-  $("nodes").disabled = system.coordinates.length > 2;
-  $("tolerance").disabled = !system.forced;
+  choices($("tolerance"), own(tolerances, state.view.tolerance).map((v) => [v, v.toExponential()]), state.view.tolerance);
   changed();
 }
 
-const OFTEN = 15; // milliseconds between two views that are sent: values in between are dropped here already
+function putControls() {
+  for (const [key, value] of Object.entries(state.view.params)) controls.put(key, value);
+  if (state.view.phase !== null) controls.put(null, state.view.phase);
+}
 
 function changed() {
   orbits.clear();
-  open = saddles = null;
+  shown.open = shown.saddles = null;
   for (const id of ["measures", "found"]) $(id).replaceChildren();
   limits.put(state.view);
+  sweep.named();
   sweep.draw();
   plane.draw();
-  $("preview").hidden = false;
-  $("quality").textContent = "The image is a preview.";
+  offer();
   redraw();
-  asking ??= setTimeout(askForView, Math.max(0, sent + OFTEN - performance.now()));
-}
-
-function askForView() {
-  [asking, sent] = [null, performance.now()];
-  const view = structuredClone(state.view);
-  views.set(connection.send({ type: "view", view, near: marked.near ?? null }), view);
-  for (const request of views.keys()) if (views.size > 200) views.delete(request);
-  clearTimeout(changed.later);
-  changed.later = setTimeout(() => remember(state), 250);
-}
-
-function arrived(frame) {
-  const view = views.get(frame.request);
-  if (frame.request >= oldest && view) {
-    picture.show(frame, view);
-    redraw(() => {
-      connection.send({ type: "drawn", frame: frame.frame });
-      document.dispatchEvent(new CustomEvent("drawn", { detail: frame }));
-    });
-    const newest = frame.request === Math.max(...views.keys());
-    if (newest) fail("");
-    if (frame.complete || performance.now() - listed > 150) {
-      showAttractors($("attractors").tBodies[0], frame, codes);
-      listed = performance.now();
-    }
-    if (frame.complete) {
-      const told = news(frame, names);
-      if (told) $("news").textContent = told;
-      if (newest) $("preview").hidden = true;
-      connection.ask({ type: "quality" }).then((q) => { $("quality").textContent = accuracy(q, frame); }, () => {});
-    }
-  } else {
-    connection.send({ type: "drawn", frame: frame.frame });
-  }
+  live.changed();
 }
 
 function redraw(then) {
@@ -149,14 +140,16 @@ function redraw(then) {
   drawing = true;
   requestAnimationFrame(() => {
     drawing = false;
-    if (state.view && picture) {
-      picture.draw(state.view);
-      const attractors = picture.frame?.attractors ?? [];
-      drawOverlay($("overlay"), { view: state.view, coordinates: state.system.coordinates, attractors, orbits: orbits.list, saddles, open, ...marked });
+    if (state.view) {
+      live.picture.draw(state.view);
+      const attractors = live.picture.frame?.attractors ?? [];
+      drawOverlay($("overlay"), { view: state.view, coordinates: state.system.coordinates, attractors, orbits: orbits.list, ...shown, ...marked });
     }
     for (const act of (redraw.after ?? []).splice(0)) act();
   });
 }
+
+// --- parameters, parts, panes
 
 const controls = new Controls($("parameters"), (name, value) => {
   if (name === null) state.view.phase = value;
@@ -168,8 +161,11 @@ const controls = new Controls($("parameters"), (name, value) => {
 const parts = new Parts($("parts"), (chosen) => {
   const { params, phase, axes, lower, upper, others } = state.view;
   const same = chosen[0] === state.parts[0];
-  choose({ name: state.name, parts: chosen }, same ? { params, phase, axes, lower, upper, others } : { params, phase })
-    .catch((error) => { parts.make({ ...state.system.scene }); fail(error); });
+  const view = same ? { params, phase, axes, lower, upper, others } : { params, phase };
+  choose({ name: state.name, parts: chosen }, { view }).catch((error) => {
+    parts.make({ ...state.system.scene });
+    opening.end(error);
+  });
 });
 
 function setParameters(values) {
@@ -181,20 +177,20 @@ function setParameters(values) {
 const orbits = new Orbits({ section: $("orbits"), ends: $("ends"), series: $("series") });
 
 const plane = new Plane(state, {
-  ask: (message) => connection.ask(message),
   set: setParameters,
   nameOf: (number) => names.get(number) ?? `attractor ${number}`,
-  elements: { canvas: $("plane"), shown: $("stable"), row: $("stable-row"), button: $("stability"), note: $("plane-note") },
+  elements: { canvas: $("plane"), shown: $("stable"), row: $("stable-row"), note: $("plane-note") },
 });
 
 const sweep = new Sweep(state, {
-  ask: (message, numbered) => connection.ask(message, numbered),
   set: (name, value) => setParameters({ [name]: value }),
   elements: {
     canvas: $("bifurcations"), coordinate: $("coordinate"), first: new Range($("first-range")), second: new Range($("second-range")),
-    stills: $("stills"), format: $("format"),
+    stills: $("stills"), format: $("format"), button: $("film"),
   },
 });
+
+// --- the window
 
 const limits = new Limits($("limits"), (key, k, value) => {
   if (key === "axes") {
@@ -212,6 +208,7 @@ const limits = new Limits($("limits"), (key, k, value) => {
     gestures.remember();
     state.view[key][k] = value;
   }
+  windowing.end();
   changed();
 });
 
@@ -224,6 +221,9 @@ const gestures = new Gestures($("image"), {
       const middle = (lower[k] + upper[k]) / 2;
       if (period && upper[k] - lower[k] > period) [lower[k], upper[k]] = [middle - period / 2, middle + period / 2];
     });
+    const why = impossible(lower, upper, state.view.cells);
+    windowing.end(why ? { message: why } : null);
+    if (why) return;
     Object.assign(state.view, { lower, upper });
     changed();
   },
@@ -231,10 +231,11 @@ const gestures = new Gestures($("image"), {
   pointed: (place, box = null, keyboard = false) => {
     const at = place && coordinatesAt(place);
     marked = { cross: keyboard ? place : null, box, near: at };
-    const number = place && picture?.numberAt(...place);
-    const where = at?.map((v, k) => `${state.system.coordinates[state.view.axes[k]].name} = ${Number(v.toPrecision(5))}`);
-    $("here").textContent = number === null || number === undefined || !picture.frame
-      ? "\u00a0" : `${where.join(", ")}: ${nameOf(number, picture.frame, codes)}`;
+    const number = place && live.picture?.numberAt(...place);
+    const { axes, lower, upper } = state.view;
+    const where = at?.map((v, k) => `${state.system.coordinates[axes[k]].name} = ${placed(v, lower[k], upper[k])}`);
+    $("here").textContent = number === null || number === undefined || !live.picture.frame
+      ? "\u00a0" : `${where.join(", ")}: ${nameOf(number, live.picture.frame, live.codes)}`;
     redraw();
   },
 });
@@ -249,81 +250,31 @@ function coordinatesAt(place) {
 }
 
 async function follow(place) {
+  const begun = {};
+  follow.last = begun;
+  following.begin("following the orbit");
+  let told = null;
   try {
-    orbits.add(await connection.ask({ type: "orbit", point: coordinatesAt(place) }), state.system.coordinates);
+    orbits.add(await live.ask(following, { type: "orbit", point: coordinatesAt(place) }), state.system.coordinates);
     redraw();
   } catch (error) {
-    fail(error);
+    told = error;
   }
+  if (follow.last === begun) following.end(told);
 }
 
-async function downloadFile(type) {
-  const file = await connection.ask({ type });
-  download(file.name, new Blob([file.data], { type: file.media }));
-}
+// --- buttons
 
-// Asks about the image, and shows the answer unless the image has changed meanwhile.
-async function ofThisImage(message, show) {
-  const { view } = state;
-  const request = Math.max(...views.keys());
-  const answer = await connection.ask(message);
-  if (view !== state.view || request !== Math.max(...views.keys())) return;
-  show(answer);
-  redraw();
-}
-
-const clicked = {
-  back: () => gestures.back(),
-  forward: () => gestures.forward(),
-  reset: () => gestures.reset(),
-  in: () => { gestures.remember(); gestures.zoom(0.5); },
-  out: () => { gestures.remember(); gestures.zoom(2); },
-  clear: () => { orbits.clear(); redraw(); },
-  type: () => { $("equations").hidden = !$("equations").hidden; $("type").ariaExpanded = String(!$("equations").hidden); },
-  verify: async () => {
-    $("quality").textContent = "Verifying …";
-    $("quality").textContent = verified(await connection.ask({ type: "verify" }));
-  },
-  certify: async () => {
-    $("quality").textContent = "Certifying …";
-    await ofThisImage({ type: "certify" }, (found) => { open = found; $("quality").textContent = certified(found); });
-  },
-  saddles: async () => {
-    $("found").textContent = "Searching …";
-    await ofThisImage({ type: "saddles", longest_period: Number($("longest").value) }, (found) => {
-      saddles = { ...found, points: new Float32Array(found.data.slice().buffer) };
-      showSaddles($("found"), saddles);
-    }).catch((error) => { $("found").replaceChildren(); throw error; });
-  },
-  measure: () => ofThisImage({ type: "measures" }, ({ measures }) => showMeasures($("measures"), measures)),
-  script: async () => download("basins.py", new Blob([(await connection.ask({ type: "script" })).text], { type: "text/x-python" })),
-  hdf5: () => downloadFile("hdf5"),
-  netcdf: () => downloadFile("netcdf"),
-  svg: () => {
-    if (!$("preview").hidden) throw new Error("image is a preview: ask again when it is complete");
-    const text = svg($("image"), state.view, state.system.coordinates, picture.frame.attractors);
-    download("basins.svg", new Blob([text], { type: "image/svg+xml" }));
-  },
-  keep: () => {
-    const { name, text, parts: chosen, view } = structuredClone({ ...state, system: null });
-    const title = [state.system.title, ...Object.entries(view.params).map(([k, v]) => `${k} = ${v}`)].join(", ");
-    keep($("kept"), $("image"), title, () => choose({ name, text, parts: chosen }, view).catch(fail));
-  },
-  diagram: () => sweep.diagram(),
-  stability: () => plane.compute(sweep.first.asked(), sweep.second.asked()),
-  film: async () => {
-    const view = structuredClone(state.view);
-    $("preview").hidden = false;
-    const file = await sweep.film(view, (request) => views.set(request, view));
-    download(file.name, new Blob([file.data], { type: file.media }));
+const { offer } = actions({
+  $, state, live, gestures, sweep, plane, orbits, shown, redraw, open,
+  reset: () => {
+    const { params, phase } = state.system.view;
+    Object.assign(state.view, { params: { ...params }, phase });
+    putControls();
     changed();
   },
-  png: () => $("image").toBlob((blob) => download("basins.png", blob)),
-  link: async () => { remember(state); await navigator.clipboard.writeText(location.href); },
-};
-for (const [id, act] of Object.entries(clicked)) {
-  $(id).addEventListener("click", async () => { try { await act(); } catch (error) { fail(error); } });
-}
+});
+
 for (const key of ["nodes", "tolerance", "cells"]) {
   $(key).addEventListener("change", () => {
     const value = Number($(key).value);
@@ -331,16 +282,15 @@ for (const key of ["nodes", "tolerance", "cells"]) {
     changed();
   });
 }
-$("hatched").addEventListener("change", () => { picture.hatched = $("hatched").checked; picture.repaint(); redraw(); });
-$("system").addEventListener("change", () => choose({ name: $("system").value }).catch(fail));
+$("hatched").addEventListener("change", () => { live.picture.hatched = $("hatched").checked; live.picture.repaint(); redraw(); });
+$("system").addEventListener("change", () => open({ name: $("system").value }));
 new Equations({ form: $("equations"), text: $("text"), mistake: $("mistake"), file: $("file") }, (text) => choose({ text }));
 
 addEventListener("resize", () => { redraw(); sweep.draw(); plane.draw(); });
-$("link").hidden = location.protocol === "about:"; // a notebook's address is not this page's
 addEventListener("hashchange", () => {
   try {
     const asked = read(location.hash);
-    if (asked) choose(asked, asked.view).catch(fail);
+    if (asked) open(asked, asked);
   } catch (error) {
     fail(error);
   }

@@ -1,18 +1,9 @@
 // What lies above the image: axes, attractors, orbits, the cross of the keyboard and the box that is being dragged.
 
 import { css } from "./colours.js";
+import { axisName, ticks } from "./numbers.js";
 
 const ORBITS = ["#ffffff", "#ffe14d"];
-
-// Returns round values between two limits, about `count` of them.
-export function ticks(lower, upper, count) {
-  const rough = (upper - lower) / count;
-  const power = 10 ** Math.floor(Math.log10(rough));
-  const step = power * [1, 2, 5, 10].find((f) => f * power >= rough);
-  const found = [];
-  for (let k = Math.ceil(lower / step); k * step <= upper; k++) found.push(Number((k * step).toPrecision(12)));
-  return found;
-}
 
 // Sizes a canvas to the screen's pixels and returns its context, cleared, with its size in CSS pixels.
 export function fresh(canvas) {
@@ -133,6 +124,17 @@ function drawOrbit(context, orbit, at, coordinates, view, colour, disc) {
   orbit.strobe.forEach((state, n) => { if (state[0] !== null) disc(...at(state), n ? 2.5 : 5, colour); });
 }
 
+// Returns the labels, each with its place and text, that stand apart from those before them and end within a range.
+export function apart(labels, size, from, to, gap = 6) {
+  let end = from - gap;
+  return labels.filter(({ place, text }) => {
+    const half = size(text) / 2;
+    if (place - half < end + gap || place + half > to) return false;
+    end = place + half;
+    return true;
+  });
+}
+
 function drawAxes(context, width, height, view, coordinates, along) {
   context.font = "11px system-ui, sans-serif";
   const label = (text, x, y) => {
@@ -142,25 +144,22 @@ function drawAxes(context, width, height, view, coordinates, along) {
     context.fillStyle = "#000";
     context.fillText(text, x, y);
   };
-  const named = (j) => (coordinates[j].unit ? `${coordinates[j].name} (${coordinates[j].unit})` : coordinates[j].name);
+  const sized = (text) => context.measureText(text).width;
+  const [across, up] = view.axes.map((j, k) => axisName(coordinates[j], view.lower[k], view.upper[k]));
+  const marks = ticks(view.lower[0], view.upper[0], Math.max(3, width / 90)).map(({ at, text }) => ({ place: along(0, at) * width, text }));
+  context.fillStyle = "#000";
+  for (const { place } of marks) context.fillRect(place, height - 5, 1, 5);
   context.textAlign = "center";
-  for (const v of ticks(view.lower[0], view.upper[0], Math.max(3, width / 90))) {
-    const x = along(0, v) * width;
-    context.fillStyle = "#000";
-    context.fillRect(x, height - 5, 1, 5);
-    if (x > 20 && x < width - 60) label(String(v), x, height - 8);
-  }
+  for (const { place, text } of apart(marks, sized, 12, width - sized(across) - 12)) label(text, place, height - 8);
   context.textAlign = "right";
-  label(named(view.axes[0]), width - 4, height - 8);
+  label(across, width - 4, height - 8);
   context.textAlign = "left";
   if (view.axes.length < 2) return;
-  for (const v of ticks(view.lower[1], view.upper[1], Math.max(3, height / 70))) {
-    const y = (1 - along(1, v)) * height;
-    context.fillStyle = "#000";
-    context.fillRect(0, y, 5, 1);
-    if (y > 25 && y < height - 25) label(String(v), 8, y + 4);
-  }
-  label(named(view.axes[1]), 6, 14);
+  const rows = ticks(view.lower[1], view.upper[1], Math.max(3, height / 70)).map(({ at, text }) => ({ place: (1 - along(1, at)) * height, text }));
+  context.fillStyle = "#000";
+  for (const { place } of rows) context.fillRect(0, place, 5, 1);
+  for (const { place, text } of apart(rows.reverse(), () => 12, 22, height - 22, 2)) label(text, 8, place + 4);
+  label(up, 6, 14);
 }
 
 // Draws each coordinate of the orbits over time, in periods.
@@ -191,7 +190,7 @@ export function drawSeries(canvas, orbits, coordinates) {
     context.fillText(c.unit ? `${c.name} (${c.unit})` : c.name, 4, row * j + 12);
   });
   context.fillStyle = style.color;
-  for (const t of ticks(0, last, 8)) context.fillText(String(t), Math.min(width - 20, (t / last) * width), height - 6);
+  for (const { at, text } of ticks(0, last, 8)) context.fillText(text, Math.min(width - 20, (at / last) * width), height - 6);
   context.textAlign = "right";
   context.fillText("periods", width - 4, height - 18);
 }

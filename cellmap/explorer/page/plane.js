@@ -2,15 +2,16 @@
 
 import { colourOf, css } from "./colours.js";
 import { choices } from "./controls.js";
-import { fresh, ticks } from "./overlay.js";
+import { axisName, ticks } from "./numbers.js";
+import { fresh } from "./overlay.js";
 
 const [LEFT, BOTTOM] = [52, 34];
 const DASHES = { PLUS_ONE: [], MINUS_ONE: [6, 4], NEIMARK_SACKER: [2, 3] };
 
 export class Plane {
-  // `state` has the system and the view; `ask` sends a question; `set(values)` changes parameters; `nameOf(identity)`.
-  constructor(state, { ask, set, nameOf, elements }) {
-    Object.assign(this, { state, ask, set, nameOf }, elements);
+  // `state` has the system and the view; `set(values)` changes parameters; `nameOf(identity)`.
+  constructor(state, { set, nameOf, elements }) {
+    Object.assign(this, { state, set, nameOf }, elements);
     this.found = null;
     this.shown.addEventListener("change", () => this.draw());
     this.canvas.addEventListener("click", (event) => {
@@ -31,12 +32,11 @@ export class Plane {
   make() {
     this.found = null;
     this.canvas.hidden = this.row.hidden = true;
-    this.button.disabled = Object.keys(this.state.view.params).length < 2;
   }
 
-  async compute(x, y) {
+  async compute(x, y, ask) {
     if (x.parameter === y.parameter) throw new Error(`both parameters are ${x.parameter}: choose two`);
-    const found = await this.ask({ type: "stability", x, y });
+    const found = await ask({ type: "stability", x, y });
     this.found = { ...found, unstable: new Int8Array(found.data.slice().buffer) };
     choices(this.shown, [["", "all: how many are stable"], ...found.identities.map((k) => [k, this.nameOf(k)])], "");
     this.canvas.hidden = this.row.hidden = false;
@@ -98,12 +98,12 @@ export class Plane {
       context.setLineDash([]);
     }
     Object.assign(context, { fillStyle: color, font: "11px system-ui, sans-serif", textAlign: "center" });
-    for (const v of ticks(x[0], x.at(-1), 5)) context.fillText(String(v), across(v), high + 14);
-    context.fillText(parameters[0], LEFT + wide / 2, height - 5);
+    for (const { at, text } of ticks(x[0], x.at(-1), 5)) context.fillText(text, across(at), high + 14);
+    context.fillText(axisName({ name: parameters[0] }, x[0], x.at(-1)), LEFT + wide / 2, height - 5);
     context.textAlign = "right";
-    for (const v of ticks(y[0], y.at(-1), 5)) if (up(v) > 18) context.fillText(String(v), LEFT - 4, up(v) + 4);
+    for (const { at, text } of ticks(y[0], y.at(-1), 5)) if (up(at) > 18) context.fillText(text, LEFT - 4, up(at) + 4);
     context.textAlign = "left";
-    context.fillText(parameters[1], 2, 11);
+    context.fillText(axisName({ name: parameters[1] }, y[0], y.at(-1)), 2, 11);
     const now = parameters.map((name) => this.state.view.params[name]);
     context.beginPath();
     context.arc(across(now[0]), up(now[1]), 6, 0, 2 * Math.PI);

@@ -1,14 +1,19 @@
 // What is said of an image: the table of attractors, news, accuracy, and where orbits end.
 
 import { css } from "./colours.js";
+import { percent, small } from "./numbers.js";
 import { fresh } from "./overlay.js";
 
-const percent = (f) => `${(100 * f).toPrecision(3)} %`;
-const small = (v) => {
-  if (v === null || v === undefined) return "–";
-  const rounded = Number(v.toPrecision(3));
-  return rounded !== 0 && Math.abs(rounded) < 1e-3 ? rounded.toExponential() : String(rounded);
+// What names of labels mean, and what helps, where many initial conditions have them.
+const MEANINGS = {
+  escaped: "Escaped: orbits left the grid of the interpolated map; the exact map follows them further",
+  diverged: "Diverged: orbits grew beyond all bounds, or the formulas have no value there; take another window or other parameters",
+  undecided: "Undecided: orbits had not settled when they were given up; with weak damping they take long",
+  "did not return": "Did not return: orbits have not come back to the section",
+  unlabelled: "Unlabelled: there was no time for them; take fewer cells",
+  "out of steps": "Out of steps: one period of these orbits needs more steps than the explorer allows; take a looser tolerance or a smaller window",
 };
+const MANY = 0.01;
 
 function cells(...parts) {
   const row = document.createElement("tr");
@@ -68,7 +73,22 @@ export function accuracy(quality, frame) {
   if (reasons.length) parts.push(reasons.join(", "));
   if (frame.inaccurate) parts.push(`${frame.inaccurate} initial conditions missed the tolerance`);
   if (quality.unknown_formulas) parts.push(`formulas unknown: ${quality.unknown_formulas}`);
+  const { grown } = quality;
+  for (const name of Object.keys(frame.others).filter((n) => frame.others[n] > MANY && n in MEANINGS)) {
+    parts.push(name === "out of steps" && grown?.grown
+      ? `Out of steps: orbits grow without bound (${grown.grown} of ${grown.followed} that were followed, to ${small(grown.reached)}) until a period needs more steps than the explorer allows; take other parameters`
+      : MEANINGS[name]);
+  }
   return `${parts.join("; ")}.`;
+}
+
+// Says of pixels that are finer than the map is accurate what helps; nothing of others.
+export function noise({ noise: found }) {
+  if (!found) return "";
+  const wide = found.pixels < 1e4 ? small(found.pixels) : found.pixels.toExponential(0);
+  const remedy = found.tolerance ? `take the tolerance ${found.tolerance.toExponential()}`
+    : found.exact ? "no tolerance resolves this window: zoom out" : "take the exact map, or more cells for it";
+  return `Noise: the error of the map is ${wide} pixels wide here; ${remedy}.`;
 }
 
 export function verified(v) {

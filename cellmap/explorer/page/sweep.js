@@ -2,7 +2,8 @@
 
 import { colourOf, css } from "./colours.js";
 import { choices } from "./controls.js";
-import { fresh, ticks } from "./overlay.js";
+import { axisName, ticks } from "./numbers.js";
+import { fresh } from "./overlay.js";
 
 const MARGIN = 22;
 
@@ -33,10 +34,14 @@ export class Range {
 }
 
 export class Sweep {
-  // `state` has the system and the view; `set(name, value)` changes a parameter; `ask` sends a question.
-  constructor(state, { set, ask, elements }) {
-    Object.assign(this, { state, set, ask }, elements);
+  // `state` has the system and the view; `set(name, value)` changes a parameter.
+  constructor(state, { set, elements }) {
+    Object.assign(this, { state, set }, elements);
     this.found = null;
+    this.stopped = null; // a film that is not complete
+    for (const element of [this.first.parameter, this.first.lower, this.first.upper, this.stills]) {
+      element.addEventListener("input", () => this.named());
+    }
     this.coordinate.addEventListener("change", () => this.draw());
     this.canvas.addEventListener("click", (event) => {
       const box = this.canvas.getBoundingClientRect();
@@ -52,24 +57,49 @@ export class Sweep {
 
   // Offers the parameters and coordinates of another system.
   make() {
-    this.found = null;
+    this.found = this.stopped = null;
     this.canvas.hidden = true;
     this.first.make(this.state.view.params, 0);
     this.second.make(this.state.view.params, 1);
     choices(this.coordinate, this.state.system.coordinates.map((c, j) => [j, c.name]), 0);
   }
 
-  async diagram() {
-    const found = await this.ask({ type: "diagram", ...this.first.asked() });
+  async diagram(ask) {
+    const found = await ask({ type: "diagram", ...this.first.asked() });
     const bytes = found.data.slice();
     this.found = { ...found, points: new Float32Array(bytes.buffer) };
     this.canvas.hidden = false;
     this.draw();
   }
 
-  film(view, numbered) {
-    const colours = Array.from({ length: 64 }, (_, k) => colourOf(k + this.lowest));
-    return this.ask({ type: "film", ...this.first.asked(), format: this.format.value, stills: Number(this.stills.value), view, palette: colours }, numbered);
+  // Asks for the film along the range; one that was stopped goes on where it was.
+  async film(view, ask) {
+    const palette = Array.from({ length: 64 }, (_, k) => colourOf(k + this.lowest));
+    const asked = this.filmed(view);
+    try {
+      const file = await ask({ type: "film", ...JSON.parse(asked), format: this.format.value, palette });
+      this.stopped = null;
+      return file;
+    } catch (error) {
+      if (error.done) this.stopped = { asked, done: error.done, of: error.of };
+      throw error;
+    } finally {
+      this.named();
+    }
+  }
+
+  // Returns what a film consists of, as text: all but the present value of its parameter.
+  filmed(view) {
+    const range = this.first.asked();
+    const params = { ...view.params, [range.parameter]: range.lower };
+    return JSON.stringify({ ...range, stills: Number(this.stills.value), view: { ...view, params } });
+  }
+
+  // Says on the button whether a film begins or goes on.
+  named() {
+    const { stopped } = this;
+    const goes = stopped && stopped.asked === this.filmed(this.state.view);
+    this.button.textContent = goes ? `Resume the film (${stopped.done} of ${stopped.of})` : "Film of the basins";
   }
 
   place(value) {
@@ -112,7 +142,9 @@ export class Sweep {
     context.fillRect(this.place(now) * width, 0, 1, height - MARGIN);
     context.font = "11px system-ui, sans-serif";
     context.textAlign = "center";
-    for (const v of ticks(values[0], values.at(-1), 5)) context.fillText(String(v), this.place(v) * width, height - 8);
+    for (const { at, text } of ticks(values[0], values.at(-1), 5)) context.fillText(text, this.place(at) * width, height - 8);
+    context.textAlign = "right";
+    context.fillText(axisName({ name: parameter }, values[0], values.at(-1)), width - 4, height - MARGIN - 4);
     context.textAlign = "left";
     const others = Object.entries(params).some(([name, v]) => name !== parameter && v !== this.state.view.params[name]);
     context.fillText(this.state.system.coordinates[j].name + (others ? "  (other parameters have changed)" : ""), 4, 12);

@@ -1,0 +1,160 @@
+"""Work that is cancelled or bounded, ports, failures in words, and the numbers of attractors."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+from served_pages import GALLERY, WELLS, WINDOW, Page, connected, frames_until
+
+from cellmap import find_basins
+from cellmap.explorer import Explorer
+from cellmap.explorer.__main__ import main
+from cellmap.explorer.accuracy import quality
+from cellmap.explorer.equations import typed_system
+from cellmap.explorer.formulas import EquationError
+from cellmap.explorer.images import Images
+from cellmap.explorer.questions import failure
+from cellmap.explorer.serving import serve
+from cellmap.explorer.view import View
+
+
+def test_a_question_that_is_cancelled_holds_nobody_up(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    released = threading.Event()
+    monkeypatch.setattr("cellmap.explorer.questions.measures", lambda frame: released.wait(20.0) or {})
+    page.image()
+    first, second = page.send("measures"), page.send("measures")
+    for request in (second, first, first, 10**6):
+        page.send("cancel", of=request)
+    for request in (second, first):
+        answer = page.receive()
+        assert (answer["request"], answer["message"], answer["cancelled"]) == (request, "cancelled", True)
+    assert page.ask("quality")["map"] == "discrete"
+    released.set()
+    assert "give a whole number" in page.ask("cancel")["message"]
+
+
+def test_an_image_that_is_cancelled_ends_at_once(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As long as its thread is compiling; another system, and the same one later, have their images."""
+    released, frames = threading.Event(), Images.frames
+
+    def waiting(self: Images, *arguments: Any) -> Any:
+        if self.explored.name == "wells":
+            released.wait(20.0)
+        return frames(self, *arguments)
+
+    monkeypatch.setattr(Images, "frames", waiting)
+    request = page.send("view", view={})
+    page.send("cancel", of=request)
+    answer = page.receive()
+    assert (answer["request"], answer["cancelled"]) == (request, True)
+    page.send("view", view={})
+    page.ask("system", name="line")
+    assert page.image(cells=[80])[0]["complete"]
+    released.set()
+    page.ask("system", name="wells")
+    assert page.image()[0]["complete"]
+
+
+def test_a_film_that_is_stopped_goes_on(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    released, frames, computed = threading.Event(), Images.frames, list[float]()
+
+    def waiting(self: Images, view: View, *arguments: Any) -> Any:
+        computed.append(view.params["keep"])
+        if view.params["keep"] > 0.62:
+            released.wait(20.0)
+        return frames(self, view, *arguments)
+
+    monkeypatch.setattr(Images, "frames", waiting)
+    film = {"view": {}, "parameter": "keep", "lower": 0.5, "upper": 0.7, "stills": 5, "palette": [[0, 0, 0]] * 32}
+    request = page.send("film", **film)
+    seen = frames_until(page, lambda facts: facts["film"]["number"] == 3 and facts["complete"])
+    assert [f["film"]["value"] for f in seen if f["complete"]] == pytest.approx([0.5, 0.55, 0.6])
+    assert {(f["film"]["of"], f["film"]["parameter"]) for f in seen} == {(5, "keep")}
+    page.send("cancel", of=request)
+    answer = page.receive()
+    assert (answer["request"], answer["cancelled"], answer["done"], answer["of"]) == (request, True, 3, 5)
+    released.set()
+    computed.clear()
+    assert page.ask("film", **film, format="gif")["name"] == "basins.gif"
+    assert computed == pytest.approx([0.65, 0.7])
+    computed.clear()
+    assert page.ask("film", **film)["name"] == "basins.gif"
+    assert len(computed) == 5, "a complete film begins anew"
+
+
+def test_a_port_is_free_as_soon_as_its_server_has_ended() -> None:
+    with serve(GALLERY, open_page=False) as running, connected(running):
+        port = int(running.address.split(":")[2].split("/")[0])
+        with pytest.raises(OSError, match=f"port={port} is taken by another program"):
+            serve(GALLERY, port, open_page=False)
+    with serve(GALLERY, port, open_page=False) as again, connected(again) as page:
+        assert page.image()[0]["complete"]
+
+
+def test_the_command_says_in_one_line_what_is_wrong(explorer: Explorer, capsys: pytest.CaptureFixture[str]) -> None:
+    port = explorer.address.split(":")[2].split("/")[0]
+    for arguments, told in (
+        (["--port", port], f"port={port} is taken"),
+        (["--gallery", "no_such_module"], "gallery='no_such_module': give a module"),
+        (["--equations", "no_such_file"], "No such file or directory: 'no_such_file'"),
+    ):
+        with pytest.raises(SystemExit, match="1"):
+            main([*arguments, "--no-browser"])
+        said = capsys.readouterr().err
+        assert told in said
+        assert said.count("\n") == 1
+
+
+def test_what_would_take_too_long_to_compile_is_refused() -> None:
+    sines = " + ".join(f"sin({k}*x)" for k in range(70))
+    with pytest.raises(EquationError, match="line 2, column 1: more than 5000 operations, of which a function"):
+        typed_system(f"v -> v\nx -> {sines}")
+    program = f"from math import sin\ndef function(u, p):\n    x, = u\n    return {sines},\nparams = {{}}\n"
+    with pytest.raises(EquationError, match=r"line 4, column .*: more than 5000 operations"):
+        typed_system(program)
+    assert typed_system("x -> " + " + ".join(f"sin({k}*x)" for k in range(50))).system.dimension == 1
+
+
+def test_failures_are_told_in_words() -> None:
+    told = failure(np.linalg.LinAlgError("Matrix is not positive definite"), 3)
+    assert told["message"].startswith("numbers became too large or too small on the way (matrix is not positive")
+    assert "reset the parameters" in failure(OverflowError("Result too large"), 3)["message"]
+    assert "take fewer cells" in failure(MemoryError("3 GB"), 3)["message"]
+
+
+def test_lost_orbits_and_fine_pixels_are_looked_at() -> None:
+    """Of negative damping, orbits grow without bound; pixels of 5e-11 are finer than the tolerance 1e-6 resolves."""
+    explored = next(entry for entry in GALLERY if entry.name == "duffing")
+    images = Images(explored)  # type: ignore[arg-type]
+
+    def told(**view: Any) -> dict[str, Any]:
+        asked = View.of({"nodes": 0, "cells": [6, 5], **view}, explored)  # type: ignore[arg-type]
+        *_, last = images.frames(asked)
+        return quality(asked, last)
+
+    found = told(params={"delta": -0.5})
+    assert found["grown"]["grown"] == found["grown"]["followed"] == 16
+    assert found["grown"]["reached"] > 1e3
+    found = told(lower=[0.3, -1.0], upper=[0.3 + 1e-9, 1.0], cells=[20, 20])
+    assert found["noise"]["pixels"] > 0.5
+    assert found["noise"]["tolerance"] < 1e-6
+    assert told()["noise"] is None is told()["grown"]
+
+
+def test_numbers_of_attractors_are_those_of_points_on_them(page: Page) -> None:
+    anchors = [[7, [-1.0, 1e-4]], [3, [1.0, 0.0]], [0, [0.0, 0.0]]]  # the last one is a saddle
+    request = page.send("view", view={}, anchors=anchors)
+    frames = frames_until(page, lambda facts: facts["complete"])
+    assert frames[-1]["request"] == request
+    places = {a["identity"]: a["points"][0][0] for a in frames[-1]["attractors"]}
+    assert places == {7: pytest.approx(-1), 3: pytest.approx(1)}
+    assert set(frames[-1]["born"]) == {3, 7}
+    labels = find_basins(WELLS, WINDOW).labels
+    _, numbers = page.image(params={"keep": 0.6})
+    assert sorted(np.unique(numbers)) == [3, 7]
+    assert (numbers == 3).sum() in [int((labels == k).sum()) for k in (0, 1)]
+    for wrong in (3, [[1]], [[-1, [0, 0]]], [[1, [0, 0, 0]]], [["a", [0, 0]]], [[1, [0, 0]]] * 300):
+        assert "anchors" in page.ask("view", view={}, anchors=wrong)["message"]
