@@ -19,7 +19,7 @@ LOOKED_AT = 256
 _REPRESENTATIVES = 8  # end points that are refined at a time because they lie far apart
 _SETTLING = 16  # ends that come back closest, among which as many are chosen
 _RETURNS = 4  # likely periods tried for each of them, besides 1,
-_IMAGES = 600  # of the map, for each state where orbits begin, that regions of attractors may take,
+_IMAGES = 1800  # of the map, for each state where orbits begin, that regions of attractors may take,
 _AT_LEAST = 200_000  # and for all of few states
 _RETURNED = 0.2  # if they bring it back to within this part of the extent
 

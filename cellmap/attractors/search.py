@@ -54,7 +54,7 @@ def find_attractors(
     region have converged.  Orbits that do not settle are compared with invariant curves, and those that never do are
     tested for chaos.
 
-    In more than four dimensions regions may take 600 images of the map for each initial condition, and at least
+    In more than four dimensions regions may take 1,800 images of the map for each initial condition, and at least
     200,000.  Attractors that are not verified within them, and quasi-periodic ones, are found by recurrence: their
     `verified` is False, and orbits that enter their regions count as converged.
 
