@@ -14,7 +14,7 @@ from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..maps.side_by_side import advance_on_threads
-from ..maps.tangent import jacobian
+from ..maps.tangent import tangent
 from ..orbits.attractor import Attractor, Cover, Kind
 from ..orbits.multipliers import multipliers_of
 from ..orbits.newton import resolution
@@ -85,7 +85,7 @@ def _explored(exact: PointMap, place: Floats, extent: Floats, region: Floats) ->
     None where it is isolated or does not attract.
     """
     d = exact.dimension
-    matrix = jacobian(exact, place) * (extent / extent[:, None])
+    matrix = tangent(exact, place)[1] * (extent / extent[:, None])
     multipliers = multipliers_of(matrix)
     sizes = np.abs(multipliers)
     if not (np.isfinite(sizes).all() and sizes.max() <= 1.0 + 1e-6 and sizes.min() < 1.0 - 1e-3):

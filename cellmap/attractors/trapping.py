@@ -11,7 +11,7 @@ from .._lib.threads import slices
 from ..maps.coordinates import turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
-from ..maps.tangent import jacobian
+from ..maps.tangent import tangent
 from ..orbits.attractor import Attractor, Neighbourhood
 from ..orbits.ellipsoids import directions, displaced, eigenvector_metrics, summed_metric
 from .lyapunov_regions import Afford, always, lyapunov_neighbourhood
@@ -87,7 +87,7 @@ def trapping_neighbourhood(
     limit, rounds = _limit(exact, attractor, extent), _rounds(attractor)
     periods = rounds * attractor.period
     contraction = 0.5 * (1.0 + float(np.abs(attractor.multipliers[0])) ** rounds)
-    steps = jacobian(exact, attractor.points)
+    steps = tangent(exact, attractor.points)[1]
     if exact.dimension > SAMPLED:
         return lyapunov_neighbourhood(exact, attractor, steps, limit, afford)
     slow = _slowest(steps)
@@ -135,7 +135,7 @@ def still_trapping(
     limit, d = _limit(exact, attractor, extent), exact.dimension
     radii, fine = _around(_FINE.get(d, 1.1), d)
     contraction = 0.5 * (1.0 + float(np.abs(attractor.multipliers[0])) ** rounds)
-    steps, metrics, worst = jacobian(exact, attractor.points), list[Floats](), 0.0
+    steps, metrics, worst = tangent(exact, attractor.points)[1], list[Floats](), 0.0
     for k, (centre, metric) in enumerate(zip(attractor.points, before.metrics, strict=True)):
         matrix = np.linalg.matrix_power(_product(np.roll(steps, -k, axis=0)), rounds)
         scaled = metric * np.outer(limit, limit)

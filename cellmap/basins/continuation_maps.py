@@ -32,7 +32,8 @@ class MapsOverValues:
         exact = point_map.without_table.specified
         # A value that the system refuses is told before anything is computed.
         self._exact = [exact.with_params({**point_map.params, parameter: float(value)}) for value in values]
-        self._known: dict[tuple[int, int], ParameterTable | None] = {}
+        self._now: Window | None = None
+        self._refused: set[tuple[int, int]] = set()
 
     def at(self, number: int) -> PointMap:
         """Return the map at the value with this number."""
@@ -43,13 +44,17 @@ class MapsOverValues:
 
     def window(self, number: int) -> Window | None:
         """Return the tables that serve at the value with this number, None where it has one of its own."""
-        low, high = 0, len(self._values)
+        now = self._now
+        if now is not None and now.low <= number < now.high:
+            return now
+        self._now, low, high = None, 0, len(self._values)  # the former tables need no memory
         while isinstance(self._spec, Interpolated) and high - low >= FEWEST:
-            if (low, high) not in self._known:
-                ends = self.interval(low, high)
-                self._known[low, high] = tables_over(self._spec, self._parameter, ends, high - low)
-            if (table := self._known[low, high]) is not None:
-                return Window(table, low, high)
+            if (low, high) not in self._refused:
+                table = tables_over(self._spec, self._parameter, self.interval(low, high), high - low)
+                if table is not None:
+                    self._now = Window(table, low, high)
+                    return self._now
+                self._refused.add((low, high))
             middle = (low + high) // 2
             low, high = (low, middle) if number < middle else (middle, high)
         return None

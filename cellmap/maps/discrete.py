@@ -120,8 +120,8 @@ class Discrete(MapSpec[PointMap]):
             compiled = derivatives_of(name, self._kernel(1))
             return DiscreteAdvance(compiled, parameters, _BOUND, anywhere, anywhere)
 
-        def derivative(points: Floats) -> tuple[Floats, Floats]:
-            return tangent_by_lanes(tangent_advance(), points, d)
+        def derivative(points: Floats, directions: int | None = None) -> tuple[Floats, Floats]:
+            return tangent_by_lanes(tangent_advance(), points, d, directions)
 
         @functools.cache
         def step_of_frames() -> MachineCode:
@@ -163,7 +163,7 @@ class Discrete(MapSpec[PointMap]):
         advance = DiscreteAdvance(kernel, parameters, _BOUND, anywhere, anywhere)
         return lambda orbits: advance(orbits, 1)
 
-    def parts(self, count: int) -> tuple[Callable[[Any], tuple[Any, Any]], ...] | None:
+    def parts(self, count: int) -> tuple[Callable[..., tuple[Any, Any]], ...] | None:
         """Return the tangent map of the step, which cannot be divided; None without known derivatives."""
         if count > 1 or self._formulas or self._kernel(1) is None:
             return None

@@ -13,6 +13,7 @@ from .._compiled.codegen.expression import UntraceableError
 from .._compiled.codegen.kernel import (
     PeriodKernel,
     flow_kernel,
+    frame_kernel,
     jet_flow_kernel,
     switching_kernel,
 )
@@ -152,15 +153,45 @@ def _trial(motion: Flow, points: Floats) -> tuple[int, int]:
 
 
 def tangent_flow(
-    system: ForcedSystem, begin: float, length: float, tolerance: float, max_steps: int, method: str = "auto"
+    system: ForcedSystem,
+    begin: float,
+    length: float,
+    rtol: float,
+    atol: ArrayLike,
+    along: float,
+    max_steps: int,
+    stiff: bool = False,
 ) -> Flow | None:
-    """Return the motion of states with one tangent vector each, 2 d components; None without known derivatives."""
-    names, kernel, known = tuple(system.params), None, formulas(system)
-    if known.has_events:
-        kernel = switching_kernel(system.functions, system.dimension, names, tolerance, True)
-    elif not known.unknown:
-        kernel = jet_flow_kernel(system.rhs, system.dimension, names, tolerance, 1, method)
-    return _of_derivatives(kernel, known, begin, length, tolerance, max_steps, 1)
+    """Return the motion of states with some tangent vectors behind each; None without known derivatives.
+
+    States are held to the tolerances of :func:`flow`, and tangent vectors to the tolerance `along` of errors relative
+    to their lengths.  With events, or where the system is stiff, there is one vector, and all is held to `rtol`.
+    """
+    names, d, known = tuple(system.params), system.dimension, formulas(system)
+    if known.has_events or known.unknown or stiff:
+        kernel = None
+        if known.has_events:
+            kernel = switching_kernel(system.functions, d, names, rtol, True)
+        elif not known.unknown:
+            kernel = jet_flow_kernel(system.rhs, d, names, rtol, 1, "Rosenbrock")
+        return _of_derivatives(kernel, known, begin, length, rtol, max_steps, 1)
+    found = frame_kernel(system.rhs, d, names, rtol)
+    if found is None:
+        return None
+    kernel, vectors = found
+    turn, floors = turns_of(system.axes)[1], np.full(d, atol, dtype=np.float64)
+    return Flow(
+        kernel=kernel,
+        parameters=_values(system),
+        begin=begin,
+        length=length,
+        rtol=rtol,
+        atol=np.append(floors, np.full(vectors * d, along)),
+        max_steps=max_steps,
+        largest=np.append(np.where(turn > 0, 0.5 * turn, np.inf), np.zeros(vectors * d)),
+        fewest_steps=_fewest_steps(known, length, max(rtol, float(floors.min()))),
+        vectors=vectors,
+    )
 
 
 def jet_flow(
@@ -194,7 +225,7 @@ def _of_derivatives(
     largest = np.full((order + 1) * known.system.dimension, np.inf)
     fewest = _fewest_steps(known, length, tolerance)
     floors = np.full_like(largest, tolerance)
-    return Flow(kernel, _values(known.system), begin, length, tolerance, floors, steps, largest, fewest)
+    return Flow(kernel, _values(known.system), begin, length, tolerance, floors, steps, largest, fewest, vectors=order)
 
 
 def _kernel(known: Formulas, method: str, rtol: float) -> PeriodKernel:
@@ -283,6 +314,7 @@ class Flow:
     """The motion of a system over a stretch of time, compiled, with its tolerance.  Call it with orbits.
 
     ``unknown_formulas`` is the reason why the right-hand side is compiled as it is, empty where its formulas are known.
+    ``vectors`` is how many vectors of derivatives are behind each state.
     """
 
     kernel: PeriodKernel
@@ -297,6 +329,7 @@ class Flow:
     unknown_formulas: str = ""
     checked: float = 0.0
     keeps_zero: Bools | bool = False
+    vectors: int = 0
 
     @computed_once
     def numbers(self) -> Motion:

@@ -100,7 +100,7 @@ class Swept(MapSpec[PointMap]):
         found = self._vectorised
         return None if found is None else found.curve_step(order, finer, part)
 
-    def parts(self, count: int) -> tuple[Callable[[Any], tuple[Any, Any]], ...] | None:
+    def parts(self, count: int) -> tuple[Callable[..., tuple[Any, Any]], ...] | None:
         """Return the tangent maps of equal parts of a step, one after the other; None where it cannot be divided."""
         found = self._vectorised
         return None if found is None else found.parts(count)

@@ -234,7 +234,7 @@ class Section(MapSpec[SectionMap]):
     @computed_once
     def _tangent_motion(self) -> Flow | None:
         gated, tolerance = gated_system(self.system, self._place), min(self.rtol, _TANGENT_TOLERANCE)
-        return tangent_flow(gated, 0.0, self._trip.stretch, tolerance, self.max_steps)
+        return tangent_flow(gated, 0.0, self._trip.stretch, tolerance, tolerance, tolerance, self.max_steps)
 
     def make(self) -> SectionMap:
         """Return the map, without its specification."""

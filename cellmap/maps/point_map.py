@@ -89,6 +89,8 @@ class PointMap(ShownAsHtml):
         Interpolation grid and coefficients of an interpolated map.
     tangent : callable or None
         ``tangent(points)`` returns unwrapped images (..., d) and derivative matrices (..., d, d) of one step.
+    coarse_tangent : callable or None
+        The same to the tolerance of the map, where `tangent` is finer and takes longer.
     stretch : callable or None
         ``stretch(orbits, frames, periods)`` iterates in place a batch of orbits and orthonormal frames (n, d, d) of
         tangent vectors, the columns; returns the logarithms (n, d) of the growth factors.  Without it `tangent` is
@@ -124,6 +126,7 @@ class PointMap(ShownAsHtml):
     exact: PointMap | None = None
     table: CellTable | None = None
     tangent: Callable[[Floats], tuple[Floats, Floats]] | None = None
+    coarse_tangent: Callable[[Floats], tuple[Floats, Floats]] | None = field(default=None, repr=False)
     stretch: Callable[[Orbits, Floats, int], Floats] | None = field(default=None, repr=False)
     cost: Cost = Cost()
     max_step: int = 1

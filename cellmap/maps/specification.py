@@ -102,8 +102,11 @@ class MapSpec(ABC, Generic[M]):
         """
         return None
 
-    def parts(self, count: int) -> tuple[Callable[[Any], tuple[Any, Any]], ...] | None:
-        """Return the tangent maps of equal parts of a step, one after the other; None where it cannot be divided."""
+    def parts(self, count: int) -> tuple[Callable[..., tuple[Any, Any]], ...] | None:
+        """Return the tangent maps of equal parts of a step, one after the other; None where it cannot be divided.
+
+        With ``directions=k`` derivatives are those by the first k coordinates.
+        """
         return None
 
     @property

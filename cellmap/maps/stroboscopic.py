@@ -17,13 +17,15 @@ from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .compiled_advance import FlowAdvance
 from .coordinates import Coordinate, turns_of
+from .formulas import formulas
+from .frames import stretched_by_flow
 from .integration import Flow, flow, jet_flow, tangent_flow
 from .orbit_batch import Orbits
 from .parameters_as_states import with_states
 from .point_map import PointMap
 from .specification import MapSpec, no_source
 from .system import ForcedSystem
-from .tangent import derivatives_of, tangent_by_lanes
+from .tangent import NotDifferentiableError, derivatives_of, tangent_by_lanes
 
 SMALLEST_TOLERANCE = 1e-14
 LARGEST_TOLERANCE = 0.1
@@ -31,6 +33,8 @@ MOST_STEPS = 2**31
 MAX_STEPS = 16384
 _ATOL = 1e-9
 _TANGENT_TOLERANCE = 1e-12  # or that of the map, if it is finer
+_COARSEST = 1e-8  # tolerance of orbits with derivatives: exponents are told from zero by less than 1e-6
+_OF_TANGENTS = 10.0  # tolerances, error of a tangent vector relative to its length: estimates are ten times the errors
 
 
 @checked
@@ -131,27 +135,58 @@ class Stroboscopic(MapSpec[PointMap]):
         s = self.system
         return flow(s, self.phase * s.length, s.length, self.rtol, self.atol, self.method, self.max_steps)
 
+    @property
+    def _stiff(self) -> bool:
+        return self.motion.kernel.own_steps
+
+    def _tangents(self, count: int = 1) -> Flow | None:
+        """The motion with tangent vectors, to a tolerance of 1e-12 or better, over the first of some equal parts."""
+        s, tolerance = self.system, min(self.rtol, _TANGENT_TOLERANCE)
+        begin, length = self.phase * s.length, s.length / count
+        return tangent_flow(s, begin, length, tolerance, tolerance, tolerance, self.max_steps, self._stiff)
+
     @computed_once
     def _tangent_motion(self) -> Flow | None:
-        s, tolerance = self.system, min(self.rtol, _TANGENT_TOLERANCE)
-        method = "Rosenbrock" if self.motion.kernel.own_steps else "auto"
-        return tangent_flow(s, self.phase * s.length, s.length, tolerance, self.max_steps, method)
+        return self._tangents()
+
+    @computed_once
+    def _coarse_motion(self) -> Flow | None:
+        """The motion with tangent vectors to the tolerance of the map, or the finer one where that is not trusted."""
+        s, rtol = self.system, min(self.rtol, _COARSEST)
+        if rtol <= _TANGENT_TOLERANCE or self.motion.checked == 1.0 or self._stiff or formulas(s).has_events:
+            return self._tangent_motion
+        begin, atol = self.phase * s.length, np.minimum(self.atol, _COARSEST)
+        return tangent_flow(s, begin, s.length, rtol, atol, _OF_TANGENTS * rtol, self.max_steps)
 
     def make(self) -> PointMap:
         """Return the map, without its specification."""
         system, motion = self.system, self.motion
+        lower, turn = turns_of(system.axes)
 
         def tangent(points: Floats) -> tuple[Floats, Floats]:
-            return tangent_by_lanes(derivatives_of(system.name, self._tangent_motion), points, system.dimension)
+            found = derivatives_of(system.name, self._tangent_motion)
+            return tangent_by_lanes(found, points, system.dimension, together=found.vectors)
+
+        def coarse_tangent(points: Floats) -> tuple[Floats, Floats]:
+            found = derivatives_of(system.name, self._coarse_motion)
+            return tangent_by_lanes(found, points, system.dimension, together=found.vectors)
+
+        def stretch(orbits: Orbits, frames: Floats, periods: int) -> Floats:
+            found = derivatives_of(system.name, self._coarse_motion)
+            if found.vectors != system.dimension:
+                raise NotDifferentiableError(f"{system.name} has too many states for its frames to be in one lane")
+            return stretched_by_flow(found, orbits, frames, lower, turn, periods)
 
         return PointMap(
             name=system.name,
             coordinates=system.axes,
             params=system.params,
-            advance=FlowAdvance(motion, *turns_of(system.axes)),
+            advance=FlowAdvance(motion, lower, turn),
             period=system.length,
             tolerance=(self.rtol, float(np.max(self.atol))),
             tangent=tangent,
+            coarse_tangent=coarse_tangent,
+            stretch=stretch,
             is_flow=True,
             unknown_formulas=motion.unknown_formulas,
         )
@@ -171,20 +206,18 @@ class Stroboscopic(MapSpec[PointMap]):
         self, order: int, finer: bool = False, part: tuple[int, int] = (0, 1)
     ) -> Callable[[Orbits], None] | None:
         """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown."""
-        s, method = self.system, "Rosenbrock" if self.motion.kernel.own_steps else "auto"
+        s, method = self.system, "Rosenbrock" if self._stiff else "auto"
         tolerance, length = min(self.rtol, _TANGENT_TOLERANCE), s.length / part[1]
         begin = self.phase * s.length + part[0] * length
         return jet_flow(s, begin, length, tolerance, self.max_steps, order, method, finer)
 
-    def parts(self, count: int) -> tuple[Callable[[Any], tuple[Any, Any]], ...] | None:
+    def parts(self, count: int) -> tuple[Callable[..., tuple[Any, Any]], ...] | None:
         """Return the tangent maps of equal parts of a period, one after the other; None without known derivatives."""
-        s, method = self.system, "Rosenbrock" if self.motion.kernel.own_steps else "auto"
-        tolerance, length = min(self.rtol, _TANGENT_TOLERANCE), s.length / count
-        first = tangent_flow(s, self.phase * s.length, length, tolerance, self.max_steps, method)
+        first, s = self._tangent_motion if count == 1 else self._tangents(count), self.system
         if first is None:
             return None
-        flows = [replace(first, begin=self.phase * s.length + k * length) for k in range(count)]
-        return tuple(functools.partial(tangent_by_lanes, f, dimension=s.dimension) for f in flows)
+        flows = [replace(first, begin=self.phase * s.length + k * first.length) for k in range(count)]
+        return tuple(functools.partial(tangent_by_lanes, f, dimension=s.dimension, together=f.vectors) for f in flows)
 
     @property
     def recipe(self) -> dict[str, Any]:

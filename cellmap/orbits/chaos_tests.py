@@ -327,7 +327,7 @@ def _follow(
     index, volume = np.zeros(len(begin)), np.zeros(len(begin))
     logs[:] = 0.0
     for step in range(-before, length * len(logs)):
-        images, matrices = tangent(exact, places)
+        images, matrices = tangent(exact, places, coarse=True)
         ended |= ~(np.isfinite(images).all(axis=-1) & np.isfinite(matrices).all(axis=(-2, -1)))
         places = wrap(np.where(ended[:, None], places, images), exact.coordinates)
         matrices = np.where(ended[:, None, None], np.eye(places.shape[1]), matrices)

@@ -227,7 +227,7 @@ def _forward(exact: PointMap, place: Floats, turning: int, total: int) -> tuple[
     # Not the axes, of which a map may keep some.
     frame = np.linalg.qr(np.random.default_rng(0).standard_normal((d, d)))[0]
     for k in range(-turning, total):
-        image, matrix = tangent(exact, place)
+        image, matrix = tangent(exact, place, coarse=True)
         if not (np.isfinite(image).all() and np.isfinite(matrix).all()):
             raise ValueError(f"initial_condition: the orbit terminates at {place.tolist()} after {turning + k} periods")
         turned, upper = np.linalg.qr(matrix @ frame)

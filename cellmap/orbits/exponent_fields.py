@@ -176,7 +176,7 @@ def growth(exact: PointMap, places: Floats, periods: int) -> tuple[Floats, Float
     back = there.copy()  # the inverse of the whole product: its largest singular value loses no digits
     size_there, size_back = np.zeros(n), np.zeros(n)
     for _ in range(periods):
-        images, matrices = tangent(exact, places)
+        images, matrices = tangent(exact, places, coarse=True)
         lost |= ~(np.isfinite(images).all(axis=-1) & np.isfinite(matrices).all(axis=(-2, -1)))
         places = wrap(np.where(lost[:, None], places, images), exact.coordinates)
         matrices = np.where(lost[:, None, None], np.eye(d), matrices)

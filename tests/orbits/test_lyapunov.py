@@ -25,6 +25,7 @@ from cellmap import (
     set_threads,
     stroboscopic_map,
 )
+from cellmap.maps.tangent import tangent
 from cellmap.orbits import LyapunovSpectrum
 
 mpl.use("Agg")
@@ -254,6 +255,47 @@ def test_the_same_bits_for_any_number_of_threads() -> None:
         results.append(lyapunov_spectrum(systems.henon_map(), initial_conditions, 30, 30))
     assert np.array_equal(results[0].exponents, results[1].exponents)
     assert np.array_equal(results[0].standard_errors, results[1].standard_errors)
+
+
+def test_orbits_of_a_flow_in_one_compiled_loop() -> None:
+    """The same bits for any number of threads and any company, and the growth of products of matrices of 1e-12."""
+    strobe = stroboscopic_map(systems.ueda_oscillator())
+    initial_conditions = np.random.default_rng(4).uniform(-1.0, 1.0, (150, 2))
+    results = []
+    for count in (1, 3):
+        set_threads(count)
+        results.append(lyapunov_spectrum(strobe, initial_conditions, 20, 2))
+    assert np.array_equal(results[0].exponents, results[1].exponents)
+    alone = lyapunov_spectrum(strobe, initial_conditions[70:71], 20, 2)
+    assert np.array_equal(results[0].growth[:, 70:71], alone.growth)
+    frame, point, growth = np.eye(2), initial_conditions[70], []
+    for _ in range(6):
+        image, matrix = tangent(strobe, point)
+        frame, upper = np.linalg.qr(matrix @ frame)
+        growth.append(np.log(np.abs(np.diag(upper))))
+        point = image
+    assert np.stack(growth)[2:] == pytest.approx(alone.growth[:4, 0], abs=1e-6)
+
+
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-9])
+def test_sums_of_exponents_are_exact_at_any_tolerance(tolerance: float) -> None:
+    """What tells orbits of conservative systems apart: the sum of exponents is -damping (Liouville) to 1e-8."""
+    strobe = stroboscopic_map(systems.two_well_duffing(damping=0.0, forcing=0.3), rtol=tolerance, atol=tolerance)
+    found = lyapunov_spectrum(strobe, [[0.0, 0.0], [0.05, 0.1], [1.0, 0.0]], 100, 0)
+    assert found.sums == pytest.approx(0.0, abs=1e-8)
+
+
+def test_an_orbit_on_a_pole_of_the_derivative_goes_on() -> None:
+    """|a| as a root has no derivative at 0 by its formula: there it is that of differences."""
+
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return -x[0] + sqrt(x[1] * x[1]), 0.0 * x[1]
+
+    strobe = stroboscopic_map(ForcedSystem(rhs, {}, 1.0, ("q", "a")))
+    found = lyapunov_spectrum(strobe, [[0.3, 1.0], [0.3, 0.0]], 20, 5)
+    assert found.status.tolist() == [Status.OK, Status.OK]
+    assert found.exponents == pytest.approx(np.array([[0.0, -1.0]] * 2), abs=1e-6)
+    assert found.ends == pytest.approx(np.array([[1.0, 1.0], [0.0, 0.0]]), abs=1e-7)
 
 
 @pytest.mark.parametrize(

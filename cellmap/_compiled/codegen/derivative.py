@@ -33,6 +33,50 @@ def jet_trace(trace: Trace, order: int) -> Trace:
     return replace(trace, states=sum(rows, ()), outputs=sum(outputs, ()))
 
 
+def frame_traces(trace: Trace, directions: int) -> list[Trace]:
+    """Return traces of a function with derivatives along directions: (x, v, ...) -> (f(x), Df(x) v, ...).
+
+    There are two, and either may be less work: with the entries of Df(x) computed once for all directions, or with the
+    chain rule along each, which shares what depends on x alone.
+
+    Raises
+    ------
+    UntraceableError
+        For an operation whose derivative is not known here.
+    """
+    graph, d = trace.graph, len(trace.states)
+    vectors = [[graph.node("state", value=k * d + j) for j in range(d)] for k in range(1, directions + 1)]
+    one = graph.constant(1.0)
+    columns = [_simplified(graph, along(graph, trace.outputs, {x: one})) for x in trace.states]
+    by_entries = [graph.dot(row, v) for v in vectors for row in zip(*columns, strict=True)]
+    by_chains = [e for v in vectors for e in along(graph, trace.outputs, dict(zip(trace.states, v, strict=True)))]
+    states = (*trace.states, *(node for v in vectors for node in v))
+    return [replace(trace, states=states, outputs=(*trace.outputs, *e)) for e in (by_entries, by_chains)]
+
+
+def _simplified(graph: Graph, outputs: Sequence[Expression]) -> tuple[Expression, ...]:
+    """Return expressions with numbers drawn out of products, so that (2 x) x becomes a multiple of the square x x."""
+
+    def parts(e: Expression) -> tuple[float, Expression | None]:
+        if e.operation == "constant":
+            return e.value, None
+        number = next((a for a in e.arguments if a.operation == "constant"), None) if e.operation == "mul" else None
+        if number is None:
+            return (-1.0, e.arguments[0]) if e.operation == "neg" else (1.0, e)
+        return number.value, e.arguments[1] if e.arguments[0] is number else e.arguments[0]
+
+    def apply(operation: str, *arguments: Expression) -> Expression:
+        if operation in {"mul", "add"}:
+            (a, x), (b, y) = map(parts, arguments)
+            if operation == "mul" and x is not None and y is not None:
+                return graph.apply("mul", a * b, graph.apply("mul", x, y))
+            if operation == "add" and x is y and x is not None:
+                return graph.apply("mul", a + b, x)
+        return graph.apply(operation, *arguments)
+
+    return graph.substituted(outputs, {}, apply)
+
+
 def along(
     graph: Graph, outputs: Sequence[Expression], seeds: Mapping[Expression, Expression]
 ) -> tuple[Expression, ...]:

@@ -15,14 +15,14 @@ from typing import Any
 from ..kernels import periods
 from ..machine_code import MachineCode
 from .captured import kept
-from .derivative import jet_trace
+from .derivative import frame_traces, jet_trace
 from .emit import evaluate, inputs
-from .expression import UntraceableError
+from .expression import UntraceableError, in_order
 from .filippov import SwitchingTrace, switching_trace
 from .instructions import Instructions, Value
-from .methods import Method, choose_method, taylor_method, taylor_order
+from .methods import Method, choose_method, series_work, taylor_method, taylor_order
 from .own_steps import compiled_own_steps
-from .period import CompiledPeriod, PerLane, PerStep, Step, Values, compiled_period, compiled_rows
+from .period import CompiledPeriod, PerLane, PerStep, Step, Values, compiled_period, compiled_rows, relative_errors
 from .runge_kutta import called_steps
 from .switching import compiled_switching
 from .trace import CONSTANT, STATEFUL, TIMED, Trace, is_faithful, parameter_record, trace
@@ -114,6 +114,51 @@ def jet_flow_kernel(
         return finished(compiled_steps(chosen, jet, len(names)), chosen)
     except UntraceableError:
         return None
+
+
+@kept
+def frame_kernel(rhs: Callable[..., Any], dimension: int, names: Names, rtol: float) -> tuple[PeriodKernel, int] | None:
+    """Compile the period of a flow with tangent vectors beside each state; return it with their number.
+
+    There are as many as a lane has room for, at most one for each coordinate.  Their errors are relative to their
+    lengths, see :func:`relative_errors`.  The method is that of the states alone.  None where derivatives are not
+    known.
+    """
+    traced = traced_function(rhs, dimension, names)
+    if traced is None or traced.has_branches:
+        return None
+    method = choose_method("auto", traced, rtol)
+    vectors = vectors_in_a_lane(dimension, method)
+    try:
+        frames = frame_traces(traced, vectors) if vectors > 1 else [jet_trace(traced, 1)]
+    except UntraceableError:
+        return None
+    least = min(frames, key=lambda found: (series_work(found), len(in_order(found.outputs))))
+    write: Any = method.write
+    method = replace(method, write=lambda trace: relative_errors(write(trace), dimension))
+    return finished(compiled_steps(method, least, len(names)), method), vectors
+
+
+_MOST_COMPONENTS = {"Taylor": 24}
+_MOST_OF_STAGES = 48
+
+
+def vectors_in_a_lane(dimension: int, method: Method) -> int:
+    """Return how many tangent vectors share a lane with their state, so that lanes are as full as they may be.
+
+    Further vectors share the work on the state, until what a step has at hand leaves the first cache: series of some
+    24 components, stages of some 48.  Beyond, code would take long to compile besides.  So all vectors of systems of up
+    to 4 (Taylor) or 6 (Runge-Kutta) states are in one lane, and from 9 or 17 states on each has a lane of its own.
+
+    Examples
+    --------
+    >>> from cellmap._compiled.codegen.methods import taylor_method
+    >>> [vectors_in_a_lane(d, taylor_method(15)) for d in (1, 2, 4, 5, 6, 8, 9, 200)]
+    [1, 2, 4, 3, 3, 2, 1, 1]
+    """
+    most = _MOST_COMPONENTS.get(method.name, _MOST_OF_STAGES) // dimension - 1
+    lanes = -(-dimension // max(1, min(most, dimension)))
+    return -(-dimension // lanes)
 
 
 @kept

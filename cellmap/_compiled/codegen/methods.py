@@ -67,7 +67,7 @@ def taylor_order(rtol: float, trace: Trace | None = None, expanded: Sequence[Exp
     """
     order = max(8, min(20, round(6.0 - log10(rtol))))
     trace = trace and trace.with_resting_inputs()
-    much = (trace is not None and _series_work(trace) > _MUCH_WORK) or len(in_order(expanded)) > _MANY_SERIES
+    much = (trace is not None and series_work(trace) > _MUCH_WORK) or len(in_order(expanded)) > _MANY_SERIES
     return max(8, round(order * 2 / 3)) if much else order
 
 
@@ -89,7 +89,7 @@ def choose_method(name: str, trace: Trace | None, rtol: float) -> Method:
     if name == "auto":
         name = (
             "Taylor"
-            if analytic and trace is not None and _is_entire(trace) and _series_work(trace) <= _MUCH_WORK
+            if analytic and trace is not None and _is_entire(trace) and series_work(trace) <= _MUCH_WORK
             else "DOP853"
         )
     if name == "Taylor":
@@ -125,7 +125,7 @@ def _is_entire(trace: Trace) -> bool:
     )
 
 
-def _series_work(trace: Trace) -> int:
+def series_work(trace: Trace) -> int:
     """Products of series for each step, the work that grows with the square of the order."""
     levels = trace.levels()
     work = 0

@@ -27,10 +27,12 @@ import numpy as np
 from ..._lib.arrays import Floats, Ints
 from ..kernels.blocks import LANES
 from ..machine_code import MachineCode, machine_code, vector_width
-from .instructions import Instructions, Value, module_text, number
+from .instructions import Instructions, Value, module_text, number, total
 
 CHECKED = 256
 """Steps between two looks at whether any lane of a block is still finite."""
+
+_NO_LENGTH = 1e-290  # of a vector that has vanished, and has no error
 
 ARGUMENTS = (
     "ptr %context, ptr noalias %x, ptr noalias %steps, double %start, double %period, ptr noalias %p, "
@@ -125,6 +127,35 @@ def compiled_rows(step: Step, dimension: int, parameters: int) -> MachineCode:
         for j, place in enumerate(places):
             out.store(after[j], place)
     return machine_code(module_text(out.function("step", "ptr noalias %rows, i64 %count, ptr noalias %p"), out))
+
+
+def relative_errors(step: Step, dimension: int) -> Step:
+    """Return the step of states with tangent vectors behind them, whose errors are made relative to their lengths.
+
+    A relative error stays what it is while the vector grows or shrinks, whatever the size it began with.  Lengths are
+    sums of absolute values after the step.
+    """
+
+    def of_function(out: Instructions, p: Values) -> PerStep:
+        per_step = step(out, p)
+
+        def of_step(t: Value, h: Value) -> PerLane:
+            per_lane = per_step(t, h)
+
+            def of_lane(x: Values) -> tuple[Values, Values]:
+                after, errors = per_lane(x)
+                found = list(errors[:dimension])
+                for first in range(dimension, len(after), dimension):
+                    length = total([abs(v) for v in after[first : first + dimension]])
+                    part = 1.0 / (length + _NO_LENGTH)
+                    found += [part * e for e in errors[first : first + dimension]]
+                return after, found
+
+            return of_lane
+
+        return of_step
+
+    return of_function
 
 
 def blocks_of_orbits(out: Instructions) -> str:

@@ -1,4 +1,4 @@
-"""Orbits of discrete maps with the frames that they carry along, in one loop over all periods."""
+"""Orbits with the frames that they carry along, in one loop over all periods."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..loops import inlined, loop
 from .blocks import MOST_TURNS, wrap_angle
 from .calls import call_rows
+from .periods import ESCAPED, integrate
 
 ROUNDING = 2.0**-52
 """Of the largest entry of a step: what is smaller is no number but noise."""
@@ -84,6 +85,39 @@ def carrying(d):
                 growth[k, j] += np.log(factors[j])
                 for i in range(d):
                     frames[k, i, j] = vectors[j, i]
+
+    return carry
+
+
+@functools.cache
+def carrying_along_flow(d):
+    """Return the function ``carry`` for the flow of a system of that dimension."""
+
+    @loop
+    def carry(motion, rows, rotations, status, lower, turn, periods, growth):
+        """Integrate rows (n, d + d d) of states with the vectors of their frames behind them, as `integrate` does.
+
+        After each period frames are made orthonormal; ``growth`` (n, d) is added the logarithms of what they have
+        grown by.
+        """
+        n = len(rows)
+        vectors, small = np.empty((d, d)), np.empty((0, 0), np.uint8)
+        factors = np.ones((n, d))
+        for _ in range(periods):
+            integrate(motion, rows, rotations, status, small, lower, turn, 1)
+            for k in range(n):
+                if status[k] >= ESCAPED:
+                    continue
+                for j in range(d):
+                    for i in range(d):
+                        vectors[j, i] = rows[k, d + j * d + i]
+                _grow(vectors, factors[k], True, growth[k], d)
+                for j in range(d):
+                    for i in range(d):
+                        rows[k, d + j * d + i] = vectors[j, i]
+        for k in range(n):
+            for j in range(d):
+                growth[k, j] += np.log(factors[k, j])
 
     return carry
 

@@ -15,7 +15,7 @@ from ...basins.record import Basins
 from ...maps.coordinates import Coordinate, wrap
 from ...maps.grid import CellGrid
 from ...maps.point_map import PointMap
-from ...maps.tangent import jacobian
+from ...maps.tangent import tangent
 from ...orbits.orbit_kinds import PeriodicOrbit
 from ..resilience.shock_search import circular_tree
 from .curve_growth import GrowingCurve, ManifoldBranch, growth_of
@@ -164,7 +164,7 @@ def saddle_manifold(
 
 def _direction(point_map: PointMap, orbit: PeriodicOrbit, row: int, multiplier: float) -> Floats:
     """Return an eigenvector of the monodromy matrix at one point of the orbit, with a fixed orientation."""
-    steps = jacobian(point_map, orbit.points)
+    steps = tangent(point_map, orbit.points)[1]
     matrix = np.eye(2)
     for k in range(orbit.period):
         matrix = steps[(row + k) % orbit.period] @ matrix

@@ -139,4 +139,4 @@ def _several(exact: PointMap, advance: LookUps, periods: int) -> PointMap:
     def make(orbits: Orbits, steps: int) -> None:
         advance(orbits, steps * periods)
 
-    return replace(exact, advance=make, tangent=None, stretch=None)
+    return replace(exact, advance=make, tangent=None, coarse_tangent=None, stretch=None)

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cellmap._compiled.codegen.derivative import jet_trace
+from cellmap._compiled.codegen.derivative import frame_traces, jet_trace
 from cellmap._compiled.codegen.expression import UntraceableError, in_order, is_analytic
+from cellmap._compiled.codegen.methods import series_work
 from cellmap._compiled.codegen.rebind import ARRAY_FUNCTIONS
 from cellmap._compiled.codegen.trace import (
     CONSTANT,
@@ -197,6 +198,24 @@ def test_the_tangent_of_a_time_dependent_coupled_system() -> None:
     assert evaluate(jet_trace(traced, 1), t, [a, b, u, v], [k]) == pytest.approx(
         [b * math.cos(t) + k, k * a * b, math.cos(t) * v, k * (a * v + b * u)]
     )
+
+
+def test_several_directions_share_what_belongs_to_the_state() -> None:
+    """Both ways to a product with the derivative give it; entries of a cubic force are computed once for all."""
+
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return x[1], p.k * math.cos(t) * x[0] - 2.0 * x[0] ** 3 + x[0] * x[1]
+
+    traced = trace(rhs, 2, ("k",))
+    assert traced is not None
+    t, a, b, k, vectors = 0.7, 2.0, 3.0, 11.0, (5.0, 7.0, -1.0, 2.0)
+    row = k * math.cos(t) - 6.0 * a * a + b
+    expected = [b, k * math.cos(t) * a - 2.0 * a**3 + a * b]
+    expected += [e for u, v in (vectors[:2], vectors[2:]) for e in (v, row * u + a * v)]
+    by_entries, by_chains = frame_traces(traced, 2)
+    for found in (by_entries, by_chains):
+        assert evaluate(found, t, [a, b, *vectors], [k]) == pytest.approx(expected, rel=1e-14)
+    assert series_work(by_entries) < series_work(by_chains)
 
 
 def test_tangents_that_are_not_known_are_refused() -> None:
