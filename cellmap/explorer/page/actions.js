@@ -99,6 +99,8 @@ export function actions(page) {
     const { system, view } = state;
     const [dimension, parameters] = [system.coordinates.length, Object.keys(view.params).length];
     const flat = dimension === 2 ? "" : "it is for systems of two coordinates";
+    $("back").disabled = !gestures.past.length;
+    $("forward").disabled = !gestures.future.length;
     allow("certify", flat || (view.nodes ? "" : "the map is exact, and has no interpolation errors; choose a map of cells"));
     allow("saddles", flat);
     for (const id of ["diagram", "film"]) allow(id, parameters ? "" : "the system has no parameter");

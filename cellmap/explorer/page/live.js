@@ -11,8 +11,8 @@ const KEPT = 200; // views whose images may still come
 
 export class Live {
   // `state` has the view; `put()` shows its parameters, `put(name, value)` another one; `near()` is the place to begin at.
-  constructor(state, connection, { $, names, put, near, redraw, changed }) {
-    Object.assign(this, { state, connection, $, names, put, near, redraw });
+  constructor(state, connection, { $, names, put, near, redraw, changed, whole }) {
+    Object.assign(this, { state, connection, $, names, put, near, redraw, done: whole });
     this.views = new Map(); // by the numbers of their requests
     this.newest = 0; // request of the image that was asked for last
     this.current = this.whole = false; // whether the picture is of it, and complete
@@ -117,6 +117,7 @@ export class Live {
     this.fresh = false;
     this.state.anchors = frame.attractors.map((a) => [a.identity, a.points[0]]);
     remember(this.state);
+    this.done();
     for (const { resolve } of this.waiting.splice(0)) resolve();
     this.connection.ask({ type: "quality" }).then((quality) => {
       if (frame.request !== this.newest) return;

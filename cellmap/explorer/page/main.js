@@ -7,6 +7,7 @@ import { Connection, connect } from "./connection.js";
 import { Controls, Limits, choices } from "./controls.js";
 import { Equations } from "./equations.js";
 import { Gestures } from "./gestures.js";
+import { History } from "./history.js";
 import { Live } from "./live.js";
 import { impossible, placed } from "./numbers.js";
 import { Orbits } from "./orbits.js";
@@ -52,6 +53,7 @@ const live = new Live(state, connection, {
   put: (name, value) => (name ? controls.put(name, value) : putControls()),
   near: () => marked.near ?? null,
   changed: () => changed(),
+  whole: () => history.colours(state.anchors),
 });
 
 async function greeted(message) {
@@ -105,14 +107,9 @@ function use(system, text, { view = null, anchors = [] }) {
   for (const id of ["news", "quality", "here"]) $(id).textContent = "\u00a0";
   $("attractors").tBodies[0].replaceChildren();
   controls.make({ ...system.view, params: system.view.params });
-  putControls();
-  limits.make(state.view, system.coordinates);
   sweep.make();
   plane.make();
-  const own = (values, value) => [...new Set([...values, value])].sort((a, b) => a - b);
-  choices($("cells"), own([125, 250, 500, 1000, 2000], state.view.cells[0]).map((n) => [n, n]), state.view.cells[0]);
-  choices($("nodes"), own([0, 64, 128, 256, 512], state.view.nodes).map((n) => [n, n ? `${n} cells` : "exact"]), state.view.nodes);
-  choices($("tolerance"), own(tolerances, state.view.tolerance).map((v) => [v, v.toExponential()]), state.view.tolerance);
+  showView();
   changed();
 }
 
@@ -132,6 +129,34 @@ function changed() {
   offer();
   redraw();
   live.changed();
+  history.note();
+}
+
+const history = new History({
+  undo: $("undo"), redo: $("redo"),
+  take: () => {
+    const { name, text, parts, view } = state;
+    return structuredClone({ name, text, parts, view });
+  },
+  restore: ({ name, text, parts, view, anchors }) => {
+    if (JSON.stringify([name, text, parts]) !== JSON.stringify([state.name, state.text, state.parts])) {
+      return open({ name, text, parts }, { view, anchors });
+    }
+    state.view = view;
+    showView();
+    return changed();
+  },
+});
+
+// Shows the values of the view in all controls.
+function showView() {
+  const { system, view } = state;
+  putControls();
+  limits.make(view, system.coordinates);
+  const own = (values, value) => [...new Set([...values, value])].sort((a, b) => a - b);
+  choices($("cells"), own([125, 250, 500, 1000, 2000], view.cells[0]).map((n) => [n, n]), view.cells[0]);
+  choices($("nodes"), own([0, 64, 128, 256, 512], view.nodes).map((n) => [n, n ? `${n} cells` : "exact"]), view.nodes);
+  choices($("tolerance"), own(tolerances, view.tolerance).map((v) => [v, v.toExponential()]), view.tolerance);
 }
 
 function redraw(then) {

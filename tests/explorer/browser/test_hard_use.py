@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -280,3 +281,40 @@ def test_news_go_with_their_image_and_headers_have_names(page: Page) -> None:
     after(page, put(page, "keep", 0.61))
     assert page.inner_text("#news") == ""
     assert all(page.eval_on_selector_all("th", "(heads) => heads.map((h) => h.textContent.trim())"))
+
+
+def test_everything_is_undone_and_done_again(page: Page) -> None:
+    def shown() -> dict[str, str]:
+        fields = "[...document.querySelectorAll('#parameters input, [data-field], header select, #cells, #tolerance')]"
+        return dict(page.evaluate(f"{fields}.map((e) => [e.id || e.dataset.field || e.ariaLabel, e.value])"))
+
+    assert page.locator("#undo").is_disabled()
+    states = [shown()]
+    slider = page.get_by_label("keep, slider")
+
+    def drag() -> None:
+        for _ in range(5):
+            slider.press("ArrowRight")
+
+    for act in (
+        drag,
+        lambda: page.click("#in"),
+        lambda: page.select_option("#system", "swing"),
+        put(page, "phase of the section", 0.25),
+        lambda: page.click("#first-values"),
+        lambda: page.select_option("#tolerance", "1e-9"),
+    ):
+        after(page, act)
+        states.append(shown())
+        page.wait_for_timeout(600)
+    assert all(one != other for one, other in itertools.pairwise(states))
+    for state in states[-2::-1]:
+        after(page, lambda: page.keyboard.press("Control+z"))
+        assert shown() == state
+    assert page.locator("#undo").is_disabled()
+    assert_shown(page, find_basins(WELLS, WINDOW))
+    for k, state in enumerate(states[1:]):
+        after(page, lambda k=k: page.click("#redo") if k % 2 else page.keyboard.press("Control+y"))
+        assert shown() == state
+    assert page.locator("#redo").is_disabled()
+    assert_shown(page, find_basins(stroboscopic_map(SWING, rtol=1e-9, atol=1e-9), TURN))
