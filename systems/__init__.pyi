@@ -41,11 +41,14 @@ from .helmholtz import helmholtz_oscillator as helmholtz_oscillator
 from .henon import henon_map as henon_map
 from .hill import hill_equation as hill_equation
 from .hill import mathieu_equation as mathieu_equation
+from .josephson import josephson_chain as josephson_chain
 from .logistic import logistic_map as logistic_map
+from .lorenz import lorenz_96 as lorenz_96
 from .magnets import magnetic_pendulum as magnetic_pendulum
 from .mcdonald import mcdonald_map as mcdonald_map
 from .pendulum import Pendulum as Pendulum
 from .pendulum import driven_pendulum as driven_pendulum
+from .power_grids import power_grid as power_grid
 from .quantities import ACCELERATION as ACCELERATION
 from .quantities import ANGULAR_ACCELERATION as ANGULAR_ACCELERATION
 from .quantities import INERTIA as INERTIA
@@ -59,6 +62,7 @@ from .quantities import quantity as quantity
 from .release_angles import IslandWarning as IslandWarning
 from .release_angles import ReleaseLimits as ReleaseLimits
 from .release_angles import release_limits as release_limits
+from .rings import ring_of_wells as ring_of_wells
 from .scenes import Body as Body
 from .scenes import scene as scene
 from .standard import standard_map as standard_map
