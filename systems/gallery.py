@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import pi
 
 import systems
@@ -12,11 +12,41 @@ from cellmap.explorer import Explored, ExploredScene
 _CELLS = 500
 
 
-def _explored(name: str, *limits: Sequence[float], nodes: int = 0, cells: int = _CELLS) -> Explored:
+_UNITS = {
+    "length": "m",
+    "mass": "kg",
+    "inertia": "kg m²",
+    "distance": "m",
+    "gravity": "m/s²",
+    "amplitude": "m",
+    "frequency": "Hz",
+    "phase": "rad",
+    "damping": "1/s",
+    "drag": "1/rad",
+    "friction": "rad/s²",
+    "stiffness": "1/s²",
+    "rest": "rad",
+    "torque": "rad/s²",
+    "acceleration": "m/s²",
+}
+"""Units of parameters of systems in SI units, by the last words of their names."""
+
+
+def _units(names: Iterable[str]) -> dict[str, str]:
+    """Return the units of parameters of a system in SI units."""
+    stems = {name: name.rstrip("_0123456789").rpartition("_")[2] for name in names}
+    return {name: _UNITS[stem] for name, stem in stems.items() if stem in _UNITS}
+
+
+def _explored(
+    name: str, *limits: Sequence[float], about: str, nodes: int = 0, cells: int = _CELLS, si: bool = False
+) -> Explored:
     """Return a factory's system with a window: the least and the largest value of each coordinate."""
     lower, upper = (tuple(limit[k] for limit in limits) for k in (0, 1))
     region = CellGrid(lower, upper, (cells,) * len(limits))
-    return Explored(name, getattr(systems, name), region, nodes, f"import systems\n\nsystem = systems.{name}()\n")
+    make = getattr(systems, name)
+    units = _units(make().params) if si else {}
+    return Explored(name, make, region, nodes, f"import systems\n\nsystem = systems.{name}()\n", about, units)
 
 
 _TURN = (-pi, pi)
@@ -61,6 +91,8 @@ def _scene(body: str, effects: Sequence[str]) -> Explored:
         CellGrid(lower, upper, ((_CELLS if smooth else 200),) * len(limits)),
         128 if smooth else 0,
         f"from systems import {', '.join(names)}\n\nsystem = scene({call})\n",
+        "A body and the effects on it, each of which is switched on and off below.",
+        _units(systems.scene(made, *acting, period=period).params),
     )
 
 
@@ -75,31 +107,179 @@ SCENE = ExploredScene(
 """A body and effects that are switched on and off in the page."""
 
 GALLERY: tuple[Explored | ExploredScene, ...] = (
-    _explored("driven_pendulum", _TURN, (-400.0, 400.0), nodes=64),
-    _explored("two_well_duffing", (-2.2, 2.2), (-2.2, 2.2)),
-    _explored("duffing_oscillator", (-4.0, 4.0), (-4.0, 4.0), nodes=128),
-    _explored("moon_li_duffing", (-2.0, 2.0), (-1.5, 1.5), nodes=128),
-    _explored("ueda_oscillator", (-4.0, 4.0), (-6.0, 6.0)),
-    _explored("helmholtz_oscillator", (-1.0, 1.5), (-1.0, 1.0)),
-    _explored("van_der_pol_oscillator", (-3.0, 3.0), (-4.0, 4.0)),
-    _explored("forced_pendulum", _TURN, (-4.0, 4.0)),
-    _explored("dimensionless_pendulum", _TURN, (-2.0, 2.0), nodes=128),
-    _explored("compound_pendulum", _TURN, (-400.0, 400.0), nodes=128),
-    _explored("mathieu_equation", (-2.0, 2.0), (-2.0, 2.0)),
-    _explored("hill_equation", (-2.0, 2.0), (-2.0, 2.0)),
-    _explored("stick_slip_oscillator", (-2.0, 2.0), (-2.0, 2.0), cells=200),
-    _explored("magnetic_pendulum", (-2.0, 2.0), (-2.0, 2.0), (-2.0, 2.0), (-2.0, 2.0), cells=300),
-    _explored("double_pendulum", _TURN, _TURN, (-200.0, 200.0), (-200.0, 200.0), cells=200),
-    _explored("triple_pendulum", *3 * [_TURN], *3 * [(-200.0, 200.0)], cells=100),
-    _explored("power_grid", _TURN, _TURN, (-15.0, 15.0), (-15.0, 15.0), cells=200),
-    _explored("josephson_chain", _TURN, _TURN, (-4.0, 4.0), (-4.0, 4.0), cells=100),
-    _explored("ring_of_wells", *6 * [(-2.0, 2.0)], cells=100),
-    _explored("lorenz_96", *4 * [(-8.0, 8.0)], cells=100),
-    _explored("henon_map", (-2.0, 2.0), (-2.0, 2.0)),
-    _explored("grebogi_ott_yorke_map", _TURN, (-0.5, 0.5)),
-    _explored("mcdonald_map", (0.0, 1.0), (-1.5, 1.5)),
-    _explored("standard_map", _TURN, _TURN, cells=200),
-    _explored("logistic_map", (0.0, 1.0)),
+    _explored(
+        "driven_pendulum",
+        _TURN,
+        (-400.0, 400.0),
+        nodes=64,
+        si=True,
+        about="A pendulum whose pivot is shaken up and down: it hangs, stands upside down or rotates.",
+    ),
+    _explored(
+        "two_well_duffing",
+        (-2.2, 2.2),
+        (-2.2, 2.2),
+        about="A particle in two wells, pushed periodically, whose basins wind around each other.",
+    ),
+    _explored(
+        "duffing_oscillator",
+        (-4.0, 4.0),
+        (-4.0, 4.0),
+        nodes=128,
+        about="A spring that stiffens, pushed periodically: small and large oscillations are both stable.",
+    ),
+    _explored(
+        "moon_li_duffing",
+        (-2.0, 2.0),
+        (-1.5, 1.5),
+        nodes=128,
+        about="A beam between two magnets on a shaken frame, whose basins Moon and Li found fractal.",
+    ),
+    _explored(
+        "ueda_oscillator",
+        (-4.0, 4.0),
+        (-6.0, 6.0),
+        about="A cubic spring without a linear part, pushed periodically, with Ueda's strange attractor.",
+    ),
+    _explored(
+        "helmholtz_oscillator",
+        (-1.0, 1.5),
+        (-1.0, 1.0),
+        about="A well with one barrier, as of a ship that may capsize: forcing erodes the safe basin.",
+    ),
+    _explored(
+        "van_der_pol_oscillator",
+        (-3.0, 3.0),
+        (-4.0, 4.0),
+        about="An oscillator that sustains itself: it locks to the forcing, or keeps a frequency of its own.",
+    ),
+    _explored(
+        "forced_pendulum",
+        _TURN,
+        (-4.0, 4.0),
+        about="A pendulum with a periodic torque: it swings, turns over in either sense, or is chaotic.",
+    ),
+    _explored(
+        "dimensionless_pendulum",
+        _TURN,
+        (-2.0, 2.0),
+        nodes=128,
+        about="The pendulum on a shaken pivot, with the time in units of the drive.",
+    ),
+    _explored(
+        "compound_pendulum",
+        _TURN,
+        (-400.0, 400.0),
+        nodes=128,
+        si=True,
+        about="A rigid body on a shaken pivot, with the values of a rod in the laboratory.",
+    ),
+    _explored(
+        "mathieu_equation",
+        (-2.0, 2.0),
+        (-2.0, 2.0),
+        about="A linear spring of periodic stiffness: rest is unstable in tongues over delta and epsilon.",
+    ),
+    _explored(
+        "hill_equation",
+        (-2.0, 2.0),
+        (-2.0, 2.0),
+        about="A linear spring whose stiffness has three harmonics, each with tongues of instability.",
+    ),
+    _explored(
+        "stick_slip_oscillator",
+        (-2.0, 2.0),
+        (-2.0, 2.0),
+        cells=200,
+        about="A mass on a moving belt, held by dry friction: it sticks until the spring tears it loose.",
+    ),
+    _explored(
+        "magnetic_pendulum",
+        (-2.0, 2.0),
+        (-2.0, 2.0),
+        (-2.0, 2.0),
+        (-2.0, 2.0),
+        cells=300,
+        about="A pendulum above three magnets: at which one it comes to rest depends finely on where it began.",
+    ),
+    _explored(
+        "double_pendulum",
+        _TURN,
+        _TURN,
+        (-200.0, 200.0),
+        (-200.0, 200.0),
+        cells=200,
+        si=True,
+        about="Two pendulums, one below the other, on a shaken pivot: the image is a slice through four coordinates.",
+    ),
+    _explored(
+        "triple_pendulum",
+        *3 * [_TURN],
+        *3 * [(-200.0, 200.0)],
+        cells=100,
+        si=True,
+        about="Three pendulums in a chain on a pivot that is shaken fast, by which they can all stand upright.",
+    ),
+    _explored(
+        "power_grid",
+        _TURN,
+        _TURN,
+        (-15.0, 15.0),
+        (-15.0, 15.0),
+        cells=200,
+        about="Machines on a grid, the first of which is forced: after which disturbances do they stay in step.",
+    ),
+    _explored(
+        "josephson_chain",
+        _TURN,
+        _TURN,
+        (-4.0, 4.0),
+        (-4.0, 4.0),
+        cells=100,
+        about="Equal Josephson junctions in series, with a resistor in parallel to all of them.",
+    ),
+    _explored(
+        "ring_of_wells",
+        *6 * [(-2.0, 2.0)],
+        cells=100,
+        about="A ring of forced oscillators, each in two wells and coupled to its neighbours.",
+    ),
+    _explored(
+        "lorenz_96",
+        *4 * [(-8.0, 8.0)],
+        cells=100,
+        about="Lorenz's model of a quantity around a circle of latitude: steady, travelling waves, chaos.",
+    ),
+    _explored(
+        "henon_map",
+        (-2.0, 2.0),
+        (-2.0, 2.0),
+        about="A map that stretches and folds the plane: a strange attractor, and orbits that diverge.",
+    ),
+    _explored(
+        "grebogi_ott_yorke_map",
+        _TURN,
+        (-0.5, 0.5),
+        about="Two fixed points whose common boundary is fractal, with a dimension that is known.",
+    ),
+    _explored(
+        "mcdonald_map",
+        (0.0, 1.0),
+        (-1.5, 1.5),
+        about="A map whose basin boundary is a curve without a tangent, known in closed form.",
+    ),
+    _explored(
+        "standard_map",
+        _TURN,
+        _TURN,
+        cells=200,
+        about="A kicked rotor without damping: islands of regular motion lie in a chaotic sea, and nothing attracts.",
+    ),
+    _explored(
+        "logistic_map",
+        (0.0, 1.0),
+        about="Growth with a limit: fixed points, doublings of the period, chaos.",
+    ),
     SCENE,
 )
 """The explorer opens with the first one."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from .._lib.checks import is_sequence, shown, whole_number
@@ -41,6 +41,10 @@ class Explored:
         twentieth of it more on each side along axes that are no angles.
     source : str, optional
         Python statements after which ``system`` is the system, for scripts.
+    about : str, optional
+        A sentence about the system.
+    units : mapping of str to str, optional
+        Units of parameters that have some.
     scene : ExploredScene or None, optional
         The scene that has put the system together.
     parts : tuple of str, optional
@@ -52,6 +56,8 @@ class Explored:
     region: CellGrid | None = None
     nodes: int = 0
     source: str = ""
+    about: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
     scene: ExploredScene | None = None
     parts: tuple[str, ...] = ()
 

@@ -20,6 +20,7 @@ from ..maps.system import ForcedSystem
 from ..maps.trajectories import trajectory
 from ..orbits.attractor import Attractor, distinct_names
 from .explored import Explored
+from .mathematics import equations
 from .numbering import Numbering
 from .protocol import LOWEST, pixels
 from .view import View
@@ -109,6 +110,9 @@ def described(explored: Explored) -> dict[str, Any]:
     return {
         "name": explored.name,
         "title": system.name,
+        "about": explored.about,
+        "equations": equations(system),
+        "units": dict(explored.units),
         "forced": isinstance(system, ForcedSystem),
         "coordinates": [{"name": c.name, "unit": c.unit, "period": c.period} for c in explored.coordinates],
         "window": {"lower": explored.window.lower, "upper": explored.window.upper},

@@ -25,11 +25,11 @@ export class Controls {
   }
 
   // Makes a row for each parameter, and one for the phase of a forced system.
-  make(view) {
+  make(view, units) {
     this.rows.clear();
-    const rows = Object.entries(view.params).map(([name, value]) => this.row(name, name, value, range(value)));
+    const rows = Object.entries(view.params).map(([name, value]) => this.row(name, name, value, range(value), units[name]));
     if (view.phase !== null) {
-      const section = this.row(null, "phase of the section", view.phase, [0, 1]);
+      const section = this.row(null, "phase of the section", view.phase, [0, 1], "periods");
       section.classList.add("section"); // apart from the parameters, of which one may be a phase too
       section.title = "Time within the period, as a fraction of it, at which initial conditions are given";
       rows.push(section);
@@ -37,12 +37,14 @@ export class Controls {
     this.place.replaceChildren(...rows);
   }
 
-  row(name, title, value, [low, high]) {
+  row(name, title, value, [low, high], unit = "") {
     const row = document.createElement("div");
     row.className = "parameter";
     const id = `value-${name ?? "phase of the section"}`;
     const label = Object.assign(document.createElement("label"), { htmlFor: id });
     for (const part of title.split(/(?<=_)/)) label.append(part, document.createElement("wbr")); // where long names may break
+    const heading = document.createElement("span");
+    heading.append(label, Object.assign(document.createElement("span"), { className: "weak", textContent: unit && ` (${unit})` }));
     const slider = Object.assign(document.createElement("input"), { type: "range", min: low, max: high, step: "any" });
     slider.setAttribute("aria-label", `${title}, slider`);
     const number = Object.assign(document.createElement("input"), { type: "number", step: "any", id });
@@ -56,7 +58,7 @@ export class Controls {
       this.put(name, number.valueAsNumber);
       this.changed(name, number.valueAsNumber);
     });
-    row.append(label, slider, number);
+    row.append(heading, slider, number);
     this.rows.set(name, { slider, number, first: [low, high] });
     this.put(name, value);
     return row;

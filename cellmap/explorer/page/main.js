@@ -9,6 +9,7 @@ import { Equations } from "./equations.js";
 import { Gestures } from "./gestures.js";
 import { History } from "./history.js";
 import { Live } from "./live.js";
+import { showSystem } from "./mathematics.js";
 import { impossible, placed } from "./numbers.js";
 import { Orbits } from "./orbits.js";
 import { drawOverlay } from "./overlay.js";
@@ -106,7 +107,8 @@ function use(system, text, { view = null, anchors = [] }) {
   marked = { cross: null, box: null };
   for (const id of ["news", "quality", "here"]) $(id).textContent = "\u00a0";
   $("attractors").tBodies[0].replaceChildren();
-  controls.make({ ...system.view, params: system.view.params });
+  showSystem($("mathematics"), system);
+  controls.make(system.view, system.units);
   sweep.make();
   plane.make();
   showView();

@@ -57,7 +57,7 @@ SCENE = ExploredScene(
 )
 GALLERY = (
     Explored("wells", lambda: WELLS, WINDOW, source="from browser_pages import WELLS as system\n"),
-    Explored("swing", lambda: SWING, TURN),
+    Explored("swing", lambda: SWING, TURN, about="A pendulum on a pivot that is driven.", units={"damping": "1/s"}),
     SCENE,
 )
 

@@ -148,6 +148,17 @@ def test_everything_can_be_done_with_keys(page: Page) -> None:
     assert limits(page)[:2] == pytest.approx([-2, 2])
 
 
+def test_the_equations_are_typeset_with_a_sentence_and_units(page: Page) -> None:
+    assert page.locator("#mathematics").is_visible()
+    assert page.locator("#mathematics div p").count() == 2
+    assert page.inner_text("#mathematics div p:first-child").replace("\n", "")[1] == "↦"
+    after(page, lambda: page.select_option("#system", "swing"))
+    assert page.evaluate("document.querySelector('#mathematics math').getBoundingClientRect().height > 5")
+    assert page.inner_text("#mathematics > p") == "A pendulum on a pivot that is driven."
+    assert "damping (1/s)" in page.inner_text("#parameters")
+    assert "phase of the section (periods)" in page.inner_text("#parameters").replace("\n", " ")
+
+
 def test_a_drag_ends_with_its_system(page: Page) -> None:
     """What is begun in a window of two coordinates has no meaning for a strip of one."""
     box = page.locator("#image").bounding_box()

@@ -1,0 +1,113 @@
+"""Equations as they are typeset mean what the system computes: they are read again, and compared with it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from cellmap import ForcedSystem, PointMap, stroboscopic_map
+from cellmap.explorer.equations import typed_system
+from cellmap.explorer.explored import explored_of
+from cellmap.explorer.mathematics import equations, named
+from systems import two_well_duffing
+from systems.gallery import GALLERY
+
+NAMES = {"sgn": np.sign, **{n: getattr(math, n) for n in ("sin", "cos", "exp", "sqrt", "tanh")}}
+SIGNS = {"−": "-", "+": "+", "(": "(", ")": ")", ",": ","}
+
+
+def read(element: Any) -> str:
+    """Return MathML as Python, with v[...] for names: what stands side by side is multiplied."""
+    tag, parts = element.tag, list(element)
+    if tag == "mn":
+        return f"({element.text})"
+    if tag in ("mi", "mover") or (tag == "msub" and parts[0].tag == "mi"):
+        text = ElementTree.tostring(element, encoding="unicode")
+        return "math.pi" if text == "<mi>π</mi>" else element.text if element.text in NAMES else f"v[{text!r}]"
+    if tag == "mo":
+        return SIGNS[element.text]
+    if tag == "msup":
+        return f"(({read(parts[0])})**({read(parts[1])}))"
+    if tag == "mfrac":
+        return f"(({read(parts[0])})/({read(parts[1])}))"
+    if tag == "msqrt":
+        return f"math.sqrt({side_by_side(parts)})"
+    return f"({side_by_side(parts)})"
+
+
+def side_by_side(parts: list[Any]) -> str:
+    written, applied = "", False
+    for part in parts:
+        if part.tag == "mspace":
+            continue
+        if part.text == "\u2061":
+            applied = True
+            continue
+        text = read(part)
+        leads = text[0] not in "+-,)" or part.tag != "mo"
+        if written and leads and not applied and written[-1] not in "+-,(":
+            written += "*"
+        written += f"({text})" if applied else text
+        applied = False
+    return written
+
+
+def values(system: ForcedSystem | PointMap, t: float, state: Any) -> dict[str, float]:
+    """The left sides of the equations, by their names, with the parts that are named on the way."""
+    lines = equations(system)
+    assert lines is not None
+    coordinates = system.axes if isinstance(system, ForcedSystem) else system.coordinates
+    known = {named("t"): t}
+    known |= {named(c.name): float(x) for c, x in zip(coordinates, state, strict=True)}
+    known |= {named(k): v for k, v in system.params.items()}
+    found: dict[str, float] = {}
+    for left, *terms in len(lines) * lines:  # parts may be named below
+        tree = ElementTree.fromstring(f"<mrow>{''.join(terms)}</mrow>")
+        name = left[: left.rindex("<mo>")]
+        try:
+            found[name] = eval(side_by_side(list(tree)), {"math": math, "v": {**found, **known}, **NAMES})
+        except KeyError:
+            continue  # of a part that comes later
+    return found
+
+
+@pytest.mark.parametrize("entry", GALLERY, ids=lambda entry: entry.name)
+def test_what_is_typeset_is_computed(entry: Any) -> None:
+    explored = explored_of(entry)
+    system = explored.system
+    assert explored.about.endswith(".")
+    random = np.random.default_rng(1)
+    state = random.uniform(0.1, 0.9, len(explored.coordinates))
+    if isinstance(system, ForcedSystem):
+        rates = system.derivative(0.3, state)
+        second = {c.name[:-1] for c in system.axes if c.name.endswith("'")}
+        expected = {}
+        for c, rate in zip(system.axes, rates, strict=True):
+            if c.name not in second:
+                dots = (c.name[:-1], "¨") if c.name.endswith("'") else (c.name, "˙")
+                expected[f"<mover>{named(dots[0])}<mo>{dots[1]}</mo></mover>"] = rate
+    else:
+        expected = {named(c.name): x for c, x in zip(system.coordinates, system(state), strict=True)}
+    found = values(system, 0.3, state)
+    for left, value in expected.items():
+        period = next((c.period for c in explored.coordinates if named(c.name) == left), None)
+        apart = found[left] - value
+        assert apart - (round(apart / period) * period if period else 0.0) == pytest.approx(
+            0.0, abs=1e-4 * max(1, abs(value))
+        )
+
+
+def test_names_sums_and_branches() -> None:
+    assert named("theta1'") == "<mover><msub><mi>θ</mi><mn>1</mn></msub><mo>˙</mo></mover>"
+    assert named("belt_speed") == "<mi>belt speed</mi>"
+    assert named("a<b") == "<mi>a&lt;b</mi>"
+    typed = typed_system("x -> -(a + x)*(a - x)/2 - (-x)**3 + 0*x\na = 2\n").system
+    assert values(typed, 0.0, [0.5])[named("x")] == pytest.approx(typed([0.5])[0])
+    (line,) = equations(typed_system("x -> x if x > 0 else -x/2").system) or []
+    assert "<mtext>if</mtext>" in line[1]
+    assert "<mo>&gt;</mo>" in line[1]
+    assert equations(stroboscopic_map(two_well_duffing())) is None
