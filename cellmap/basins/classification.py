@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._lib.arrays import Floats
-from .._lib.checks import real_array, shown, whole_number
+from .._lib.arrays import Floats, Ints
+from .._lib.checks import listed, real_array, shown, whole_number
 from ..attractors.labels import LABEL_NAMES
 from ..attractors.search import check_attractors
 from ..attractors.settling import Catalogue, Classified, Rule, classify
@@ -128,6 +128,24 @@ def scale_of(given: ArrayLike | None, coordinates: Sequence[Coordinate], span: F
             "above 1e-150 and below 1e150"
         )
     return scale
+
+
+def chosen_coordinates(argument: str, along: Sequence[int | str] | None, coordinates: Sequence[Coordinate]) -> Ints:
+    """Return the numbers of coordinates, given by number or name, in ascending order; all for None."""
+    if along is None:
+        return np.arange(len(coordinates))
+    names = [c.name for c in coordinates]
+    chosen: list[int] = []
+    for one in (along,) if isinstance(along, str) else listed(argument, along):
+        if isinstance(one, str):
+            if one not in names:
+                raise ValueError(f"{argument}={one!r}: the coordinates are {names}")
+            chosen.append(names.index(one))
+        else:
+            chosen.append(whole_number(argument, one, at_most=len(names) - 1))
+    if not chosen:
+        raise ValueError(f"{argument} is empty: give at least one coordinate")
+    return np.unique(np.array(chosen))
 
 
 def places_of(basins: Basins) -> Floats:

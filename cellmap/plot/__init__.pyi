@@ -31,7 +31,9 @@ from ._motion import time_series as time_series
 from ._resilience import ball as ball
 from ._resilience import basin_stability as basin_stability
 from ._resilience import fatal_shock as fatal_shock
+from ._resilience import node_stability as node_stability
 from ._resilience import settling_times as settling_times
+from ._resilience import survivability as survivability
 from ._resilience import tipping as tipping
 from ._sets import boxes as boxes
 from ._sets import eigenvalues as eigenvalues

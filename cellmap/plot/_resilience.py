@@ -9,7 +9,9 @@ from matplotlib.patches import Rectangle
 from .._lib.arrays import Floats
 from ..analysis.resilience.basin_statistics import BasinStability, SettlingStatistics
 from ..analysis.resilience.integrity import Ball
+from ..analysis.resilience.nodes import NodeStability
 from ..analysis.resilience.shocks import FatalShock
+from ..analysis.resilience.survival import Survivability
 from ..analysis.resilience.tipping import TippingProbabilities
 from ..basins.record import Basins
 from ..maps.coordinates import Coordinate
@@ -53,6 +55,73 @@ def basin_stability(stability: BasinStability, *, ax: Axes | None = None) -> Axe
     ax.bar(places, fractions, color=colours, yerr=bars, capsize=4.0, ecolor="0.2")
     ax.set_xticks(places, [stability.names[k] for k in stability.fractions], rotation=20, ha="right")
     ax.set(ylim=(0.0, min(1.02, 1.15 * float(ends[:, 1].max()))), ylabel="fraction of states")
+    return ax
+
+
+@figure
+def node_stability(stability: NodeStability, *, ax: Axes | None = None) -> Axes:
+    """Draw single-node basin stability with its intervals.
+
+    Parameters
+    ----------
+    stability : NodeStability
+        Result of :func:`node_stability`.
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default those of a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes with a bar for each node.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, discrete_map, find_basins, plot
+    >>> from cellmap.analysis.resilience import node_stability
+    >>> two = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, x[1] / 2), {}, ("x", "y"))
+    >>> basins = find_basins(two, CellGrid((-1.5, -1), (1.5, 1), (20, 20)))
+    >>> nodes = {"first": {"x": (-1.5, 1.5)}, "second": {"y": (-1, 1)}}
+    >>> len(plot.node_stability(node_stability(basins, 0, nodes, n_samples=100)).patches)
+    2
+    """
+    ax = axes_or_new(ax, (6.0, 4.5))
+    places = np.arange(len(stability.nodes))
+    ends = np.stack([stability.fractions - stability.low, stability.high - stability.fractions]).clip(min=0.0)
+    ax.bar(places, stability.fractions, color=label_colour(0), yerr=ends, capsize=4.0, ecolor="0.2")
+    ax.set_xticks(places, stability.nodes)
+    ax.set(ylim=(0.0, 1.02), xlabel="node disturbed", ylabel="basin stability", title=stability.attractor)
+    return ax
+
+
+@figure
+def survivability(survival: Survivability, *, ax: Axes | None = None) -> Axes:
+    """Draw the fraction of orbits that have not left the allowed region, against time.
+
+    Parameters
+    ----------
+    survival : Survivability
+        Result of :func:`survivability`.
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default those of a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+        The axes with a curve and the band of its intervals.
+
+    Examples
+    --------
+    >>> from cellmap import CellGrid, discrete_map, plot
+    >>> from cellmap.analysis.resilience import survivability
+    >>> double = discrete_map(lambda x, p: (2 * x[0],), {}, ("x",))
+    >>> found = survivability(double, {"x": (-1, 1)}, CellGrid((-1,), (1,), (1,)), periods=3)
+    >>> plot.survivability(found).get_xlabel()
+    'time'
+    """
+    ax = axes_or_new(ax, (6.0, 4.5))
+    (line,) = ax.step(survival.times, survival.fractions, where="post")
+    ax.fill_between(survival.times, survival.low, survival.high, step="post", color=line.get_color(), alpha=0.25)
+    ax.set(xlim=(0.0, survival.times[-1]), ylim=(0.0, 1.02), xlabel="time", ylabel="fraction that survives")
     return ax
 
 

@@ -7,7 +7,14 @@ from .basin_statistics import settling_statistics as settling_statistics
 from .integrity import Ball as Ball
 from .integrity import largest_ball as largest_ball
 from .integrity import local_integrity as local_integrity
+from .nodes import NodeStability as NodeStability
+from .nodes import node_stability as node_stability
+from .random_states import RandomStates as RandomStates
+from .random_states import random_ball as random_ball
+from .random_states import random_box as random_box
 from .shocks import FatalShock as FatalShock
 from .shocks import minimal_fatal_shock as minimal_fatal_shock
+from .survival import Survivability as Survivability
+from .survival import survivability as survivability
 from .tipping import TippingProbabilities as TippingProbabilities
 from .tipping import tipping_probabilities as tipping_probabilities

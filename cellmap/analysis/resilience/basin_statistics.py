@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,9 @@ from ..._lib.checks import affordable_number, finite_number, of_the_user
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ...attractors.labels import LABEL_NAMES, Label
-from ...basins.classification import Labeller, labeller
+from ...basins.classification import labeller
 from ...basins.record import Basins
-from ...maps.coordinates import state_points
+from ...maps.coordinates import Coordinate, state_points
 from ...maps.grid import CellGrid
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor, distinct_names
@@ -70,6 +70,8 @@ class BasinStability:
         Settling times of the states, -1 without one.
     confidence : float
         Confidence level of the intervals.
+    exponents : mapping of int to float
+        Largest Lyapunov exponent of each attractor per step of the map: its linear stability.
     """
 
     fractions: Mapping[int, SampledFraction]
@@ -78,6 +80,7 @@ class BasinStability:
     labels: NDArray[np.int16]
     settling_time: NDArray[np.int32]
     confidence: float
+    exponents: Mapping[int, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         parts = [f"{self.names[k]} {s.fraction:.4g} [{s.low:.4g}, {s.high:.4g}]" for k, s in self.fractions.items()]
@@ -109,8 +112,8 @@ def basin_stability(
     source : Basins or PointMap
         Basins with their map, or a map with its `attractors`.
     distribution : CellGrid or callable, optional
-        A window in which states are uniform, or a function ``distribution(rng, n)`` that draws n states.  By default
-        the window of the basins.
+        A window in which states are uniform, a function ``distribution(rng, n)`` that draws n states, or what
+        :func:`random_box` and :func:`random_ball` return.  By default the window of the basins.
     n_samples : int, optional
         Number of states.
     attractors : sequence of Attractor, optional
@@ -152,7 +155,7 @@ def basin_stability(
     number = affordable_number("n_samples", n_samples, 8 * (4 * label.point_map.dimension + 6), at_least=1)
     if distribution is None and isinstance(source, Basins):
         distribution = source.grid
-    states = _drawn(distribution, label, number, rng)
+    states = drawn_states(distribution, label.point_map.coordinates, number, rng)
     settled = label.settle(states)
     labels, times = settled.labels, settled.times
     undecided = int(np.count_nonzero(labels == Label.UNDECIDED))
@@ -166,21 +169,23 @@ def basin_stability(
         mean = count / number
         sampled[k] = SampledFraction(mean, float(np.sqrt(mean * (1.0 - mean) / number)), low, high, count)
     names = {**dict(enumerate(distinct_names(label.attractors))), **{code: LABEL_NAMES[code] for code in present}}
-    return BasinStability(sampled, names, states, labels, times, confidence)
+    exponents = {k: float(a.exponents[0]) for k, a in enumerate(label.attractors)}
+    return BasinStability(sampled, names, states, labels, times, confidence, exponents)
 
 
-def _drawn(distribution: object, label: Labeller, n: int, rng: Rng) -> Floats:
+def drawn_states(distribution: object, coordinates: Sequence[Coordinate], n: int, rng: Rng) -> Floats:
+    """Draw states (n, d) from a window or by a function, the argument `distribution` of that name."""
     rng = random_numbers(rng)
-    d = label.point_map.dimension
+    d = len(coordinates)
     if isinstance(distribution, CellGrid):
-        window = distribution.on(label.point_map.coordinates, "distribution")
+        window = distribution.on(coordinates, "distribution")
         return rng.uniform(window.lower, window.upper, (n, d))
     if distribution is None:
         raise ValueError("distribution is missing: give a CellGrid as a window, or a function (rng, n) of states")
     if not callable(distribution):
         raise TypeError(f"distribution={distribution!r}: give a CellGrid as a window, or a function (rng, n) of states")
     drawn = of_the_user("distribution", distribution, rng, n)
-    states = state_points("distribution", drawn, label.point_map.coordinates)
+    states = state_points("distribution", drawn, coordinates)
     if states.shape != (n, d):
         raise ValueError(f"distribution returns the shape {states.shape}: return {n} states, shape ({n}, {d})")
     return states

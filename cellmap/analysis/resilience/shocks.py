@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..._lib.arrays import Floats, Ints
+from ..._lib.arrays import Floats
 from ..._lib.binomial import binomial_interval
-from ..._lib.checks import affordable_number, listed, shown, whole_number
+from ..._lib.checks import affordable_number, shown
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
-from ...basins.classification import labeller, own_label, scale_of, span_of
+from ...basins.classification import chosen_coordinates, labeller, own_label, scale_of, span_of
 from ...basins.record import Basins
 from ...maps.coordinates import Coordinate, state_points, wrap
 from ...maps.point_map import PointMap
@@ -152,7 +152,7 @@ def minimal_fatal_shock(
     d = len(coordinates)
     unit = scale_of(scale, coordinates, span_of(basins))
     tried = affordable_number("n_trials", n_trials, 8 * (7 * d + 4), at_least=1)
-    free = _columns(along, coordinates)
+    free = chosen_coordinates("along", along, coordinates)
     origins = basins.attractors[k].points if point is None else state_points("point", point, coordinates)[None]
     if origins.ndim != 2:
         raise ValueError(f"point={shown(point)}: give one state")
@@ -190,20 +190,3 @@ def minimal_fatal_shock(
         undecided=sum(trials.undecided),
         coordinates=coordinates,
     )
-
-
-def _columns(along: Sequence[int | str] | None, coordinates: Sequence[Coordinate]) -> Ints:
-    if along is None:
-        return np.arange(len(coordinates))
-    names = [c.name for c in coordinates]
-    chosen: list[int] = []
-    for one in (along,) if isinstance(along, str) else listed("along", along):
-        if isinstance(one, str):
-            if one not in names:
-                raise ValueError(f"along={one!r}: the coordinates are {names}")
-            chosen.append(names.index(one))
-        else:
-            chosen.append(whole_number("along", one, at_most=len(names) - 1))
-    if not chosen:
-        raise ValueError("along is empty: give at least one coordinate")
-    return np.unique(np.array(chosen))
