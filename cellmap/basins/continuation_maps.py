@@ -24,7 +24,8 @@ class MapsOverValues:
 
     Tables over the parameter are made when a value among those that they are for is asked for first: for all values, or
     where these tables cannot have the accuracy that is needed for halves of them, and so on.  Which tables there are
-    depends on the values alone, so that a run that is resumed goes on as it would have gone.
+    depends on the values alone, so that a run that is resumed goes on as it would have gone.  The map of each value is
+    compared with the exact one at some points; where it differs, the value has a table of its own.
     """
 
     def __init__(self, point_map: PointMap, parameter: str, values: Floats) -> None:
@@ -34,16 +35,22 @@ class MapsOverValues:
         self._exact = [exact.with_params({**point_map.params, parameter: float(value)}) for value in values]
         self._now: Window | None = None
         self._refused: set[tuple[int, int]] = set()
+        self._alone: set[int] = set()
 
     def at(self, number: int) -> PointMap:
         """Return the map at the value with this number."""
         window, exact = self.window(number), self._exact[number].build()
         if window is not None:
-            return window.table.at(float(self._values[number]), exact)
+            combined = window.table.at(float(self._values[number]), exact)
+            if window.table.serves(combined):
+                return combined
+            self._alone.add(number)
         return replace(self._spec, exact=exact, table=None).build() if isinstance(self._spec, Interpolated) else exact
 
     def window(self, number: int) -> Window | None:
         """Return the tables that serve at the value with this number, None where it has one of its own."""
+        if number in self._alone:
+            return None
         now = self._now
         if now is not None and now.low <= number < now.high:
             return now

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import exp
+
 import numpy as np
 import pytest
 
@@ -19,8 +21,14 @@ def wells(x, p):
     return x[0] + y, y
 
 
-def table(**params):
-    return interpolated_map(discrete_map(wells, {"h": 0.08, "tilt": 0.0, **params}, ("x", "y")), WINDOW)
+def switched(x, p):
+    """The same with a tilt at h = 0.0862 +- 0.0001 only, between the nodes of all tables over the interval."""
+    y = 0.8 * x[1] + p.h * (x[0] - x[0] ** 3 + p.tilt + 0.6 * exp(-(((p.h - 0.0862) / 1e-4) ** 2)))
+    return x[0] + y, y
+
+
+def table(function=wells, **params):
+    return interpolated_map(discrete_map(function, {"h": 0.08, "tilt": 0.0, **params}, ("x", "y")), WINDOW)
 
 
 def alone(point_map, name, values):
@@ -87,6 +95,16 @@ def test_a_window_with_bifurcations() -> None:
     two = np.abs(tilts) < 2 / np.sqrt(27)
     assert np.array_equal([len(found) for found in sweep.attractors], 1 + two)
     assert counts_by_side(sweep) == alone(table(), "tilt", tilts)
+
+
+def test_what_a_parameter_does_between_the_nodes_of_tables() -> None:
+    icm, maps = table(switched), continuation.MapsOverValues(table(switched), "h", VALUES)
+    tilted = np.abs(VALUES - 0.0862) < 2.8e-4
+    served = [maps.window(number).table.serves(maps.window(number).table.at(VALUES[number])) for number in range(40)]
+    assert np.array_equal(served, ~tilted)
+    sweep = continue_basins(icm, "h", VALUES, PLACES)
+    assert counts_by_side(sweep)[26:36] == alone(icm, "h", VALUES[26:36])
+    assert (sweep.audited[tilted, 0] == 0).all()
 
 
 def test_an_audit_that_finds_a_difference_has_all_labels_found_again(monkeypatch, sweep) -> None:

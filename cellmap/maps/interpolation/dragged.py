@@ -52,7 +52,8 @@ class Dragged:
                 next(self.making)
             except StopIteration as end:
                 self.making, self.table = None, end.value
-        return None if self.table is None else self.table.at(value, spec.exact)
+        combined = None if self.table is None else self.table.at(value, spec.exact)
+        return combined if combined is not None and self.table is not None and self.table.serves(combined) else None
 
     def _begin_with(self, name: str, making: Generator[None, None, ParameterTable | None] | None) -> None:
         self.parameter, self.making, self.table = name, making, None

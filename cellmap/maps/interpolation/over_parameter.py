@@ -14,10 +14,10 @@ from ..._compiled.codegen.spline_sum import WIDTH
 from ..._lib.arrays import Bools, Floats
 from ..._lib.checks import claim_memory
 from ..cell_table import CellTable
-from ..coordinates import turns_of
+from ..coordinates import difference, turns_of
 from ..grid import CellGrid, grid_points
 from ..orbit_batch import Cost, Orbits, Status
-from ..point_map import PointMap
+from ..point_map import PointMap, follow
 from .interpolated import Interpolated, allowed_errors, table_memory
 from .spline_coefficients import nodes_of, number_of_nodes
 from .table_making import errors_in_cells, spline_coefficients_of
@@ -34,6 +34,8 @@ CHECKED = np.array([0.85, -0.55])
 """Places between nodes, from -1 to 1, at which errors are measured."""
 
 _SAMPLE = 1024  # nodes of the grid from which the level is chosen, before any table is made
+_COMPARED = 64  # random points of the window at which a combined table is compared with the exact map,
+_WRONG = 3.0  # and errors there, in those that cells are allowed, with which it says nothing of this value
 _LOST = 0.02  # fraction of the cells that may become fallback cells,
 _MORE = 1.1  # beside so many times those that there are at one value
 
@@ -138,6 +140,19 @@ class ParameterTable:
         table = CellTable(grid, spec.order, coefficients, error, fallback)
         exact = spec.exact.with_params(**{self.parameter: value}) if exact is None else exact
         return replace(spec, exact=exact, table=table, cost=Cost(seconds=time.perf_counter() - began)).make()
+
+    def serves(self, point_map: PointMap) -> bool:
+        """Tell whether a map of :meth:`at` has the images of its exact map at some points.
+
+        What a parameter does only between the nodes and the values at which errors are measured is seen here alone.
+        """
+        assert point_map.exact is not None and point_map.table is not None
+        grid, fallback = self.spec.grid, point_map.table.fallback.ravel()
+        places = np.random.default_rng(0).uniform(grid.lower, grid.upper, (_COMPARED, grid.dimension))
+        places = places[~fallback[grid.locate(places)]]
+        images, exact = (follow(m, places, 1).points for m in (point_map, point_map.exact))
+        missed = np.abs(difference(images, exact, point_map.coordinates))
+        return bool((missed <= _WRONG * allowed_errors(grid, self.spec.order, self.spec.tolerance)).all())
 
 
 def tables_over(
