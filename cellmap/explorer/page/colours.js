@@ -30,14 +30,17 @@ function dark(number, x, y) {
   return (number & 7) < 6 ? line : line && ((x >> 1) & 1) === 0;
 }
 
-// Fills the pixels of an image from its codes, which are numbers less `lowest`.
-export function paint(image, codes, lowest, hatched) {
+const PALE = 0.25; // of its colour is left to a basin beside one that is lit
+
+// Fills the pixels of an image from its codes, which are numbers less `lowest`; `lit`: a number beside which others are pale.
+export function paint(image, codes, lowest, hatched, lit = NaN) {
   const pixels = new Uint32Array(image.data.buffer);
   let last = 0;
   for (let i = 0; i < codes.length; i++) if (codes[i] > last) last = codes[i];
   const table = new Uint32Array(last + 1);
   for (let k = 0; k < table.length; k++) {
-    const [r, g, b] = colourOf(k + lowest);
+    const part = Number.isNaN(lit) || k + lowest === lit ? 1 : PALE;
+    const [r, g, b] = colourOf(k + lowest).map((c) => Math.round(255 - part * (255 - c)));
     table[k] = (255 << 24) | (b << 16) | (g << 8) | r;
   }
   for (let i = 0; i < codes.length; i++) pixels[i] = table[codes[i]];

@@ -2,6 +2,7 @@
 
 import { entered, placed, short } from "./numbers.js";
 
+const LAP = 8000; // milliseconds in which a slider that plays comes from one end to the other
 const FAR = 5; // ranges by which a value may lie outside of the range of its slider, which is then extended to it
 
 // Returns the range of a slider around the value that a parameter has at first.
@@ -26,6 +27,7 @@ export class Controls {
 
   // Makes a row for each parameter, and one for the phase of a forced system.
   make(view, units) {
+    this.stop();
     this.rows.clear();
     const rows = Object.entries(view.params).map(([name, value]) => this.row(name, name, value, range(value), units[name]));
     if (view.phase !== null) {
@@ -48,18 +50,32 @@ export class Controls {
     const slider = Object.assign(document.createElement("input"), { type: "range", min: low, max: high, step: "any" });
     slider.setAttribute("aria-label", `${title}, slider`);
     const number = Object.assign(document.createElement("input"), { type: "number", step: "any", id });
-    slider.addEventListener("keydown", (event) => this.step(event, slider));
+    const button = Object.assign(document.createElement("button"), { type: "button", className: "play", textContent: "▶" });
+    button.title = "Play: moves to and fro (space)";
+    button.setAttribute("aria-label", `Play ${title}`);
+    button.ariaPressed = "false";
+    button.addEventListener("click", () => this.play(name));
+    slider.addEventListener("keydown", (event) => {
+      if (event.key === " ") {
+        event.preventDefault();
+        this.play(name);
+      } else {
+        this.step(event, slider);
+      }
+    });
+    slider.addEventListener("pointerdown", () => this.stop());
     slider.addEventListener("input", () => {
       number.value = short(slider.valueAsNumber);
       this.changed(name, Number(number.value));
     });
     number.addEventListener("change", () => {
       if (!Number.isFinite(number.valueAsNumber)) return;
+      this.stop();
       this.put(name, number.valueAsNumber);
       this.changed(name, number.valueAsNumber);
     });
-    row.append(heading, slider, number);
-    this.rows.set(name, { slider, number, first: [low, high] });
+    row.append(heading, slider, button, number);
+    this.rows.set(name, { slider, number, button, first: [low, high] });
     this.put(name, value);
     return row;
   }
@@ -69,8 +85,41 @@ export class Controls {
     const sign = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key];
     if (!sign) return;
     event.preventDefault();
+    this.stop();
     slider.valueAsNumber += (sign * (slider.max - slider.min)) / 100;
     slider.dispatchEvent(new Event("input"));
+  }
+
+  // Moves a parameter to and fro, and the phase around, until it is asked for again or something else moves it.
+  play(name) {
+    const row = this.rows.get(name);
+    const other = this.playing !== row;
+    this.stop();
+    if (!other) return;
+    this.playing = row;
+    row.button.textContent = "❚❚";
+    row.button.ariaPressed = "true";
+    let [before, way] = [performance.now(), 1];
+    const step = (now) => {
+      if (this.playing !== row) return;
+      const { slider } = row;
+      const [low, high] = [Number(slider.min), Number(slider.max)];
+      const next = slider.valueAsNumber + (way * Math.max(0, now - before) * (high - low)) / LAP;
+      before = now;
+      if (name === null && next >= high) slider.valueAsNumber = next - (high - low);
+      else slider.valueAsNumber = next;
+      if (name !== null && (next >= high || next <= low)) way = next >= high ? -1 : 1;
+      slider.dispatchEvent(new Event("input"));
+      requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
+  }
+
+  stop() {
+    if (!this.playing) return;
+    this.playing.button.textContent = "▶";
+    this.playing.button.ariaPressed = "false";
+    this.playing = null;
   }
 
   put(name, value) {

@@ -155,8 +155,10 @@ function showView() {
   const { system, view } = state;
   putControls();
   limits.make(view, system.coordinates);
-  const own = (values, value) => [...new Set([...values, value])].sort((a, b) => a - b);
-  choices($("cells"), own([125, 250, 500, 1000, 2000], view.cells[0]).map((n) => [n, n]), view.cells[0]);
+  const own = (values, ...more) => [...new Set([...values, ...more])].sort((a, b) => a - b);
+  const screen = Math.min(2000, Math.round($("frame").clientWidth * (window.devicePixelRatio || 1)));
+  const cells = own([125, 250, 500, 1000, 2000], view.cells[0], screen).map((n) => [n, n === screen ? `${n} (screen)` : n]);
+  choices($("cells"), cells, view.cells[0]);
   choices($("nodes"), own([0, 64, 128, 256, 512], view.nodes).map((n) => [n, n ? `${n} cells` : "exact"]), view.nodes);
   choices($("tolerance"), own(tolerances, view.tolerance).map((v) => [v, v.toExponential()]), view.tolerance);
 }
@@ -259,6 +261,7 @@ const gestures = new Gestures($("image"), {
     const at = place && coordinatesAt(place);
     marked = { cross: keyboard ? place : null, box, near: at };
     const number = place && live.picture?.numberAt(...place);
+    for (const row of $("attractors").tBodies[0].rows) row.classList.toggle("lit", Number(row.dataset.identity) === number);
     const { axes, lower, upper } = state.view;
     const where = at?.map((v, k) => `${state.system.coordinates[axes[k]].name} = ${placed(v, lower[k], upper[k])}`);
     $("here").textContent = number === null || number === undefined || !live.picture.frame
@@ -289,6 +292,16 @@ async function follow(place) {
   }
   if (follow.last === begun) following.end(told);
 }
+
+// A row of the table lights its basin, and a place of the image the row of its attractor.
+function light(identity) {
+  if (!live.picture || Object.is(live.picture.lit, identity)) return;
+  live.picture.lit = identity;
+  live.picture.repaint();
+  redraw();
+}
+$("attractors").addEventListener("pointerover", (event) => light(Number(event.target.closest("tr[data-identity]")?.dataset.identity ?? NaN)));
+$("attractors").addEventListener("pointerleave", () => light(NaN));
 
 // --- buttons
 

@@ -7,6 +7,7 @@ export class Picture {
     this.canvas = canvas;
     this.lowest = lowest;
     this.hatched = false;
+    this.lit = NaN; // number of the only basin in full colour
     this.buffer = document.createElement("canvas");
     this.frame = null;
   }
@@ -28,7 +29,7 @@ export class Picture {
     }
     const context = this.buffer.getContext("2d");
     if (this.image?.width !== width || this.image.height !== height) this.image = context.createImageData(width, height);
-    paint(this.image, this.codes, this.lowest, this.hatched);
+    paint(this.image, this.codes, this.lowest, this.hatched, this.lit);
     context.putImageData(this.image, 0, 0);
   }
 

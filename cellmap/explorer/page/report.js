@@ -15,8 +15,9 @@ const MEANINGS = {
 };
 const MANY = 0.01;
 
-function cells(...parts) {
+function cells(identity, ...parts) {
   const row = document.createElement("tr");
+  row.dataset.identity = identity;
   for (const part of parts) {
     const cell = document.createElement("td");
     cell.append(part);
@@ -37,9 +38,9 @@ export function showAttractors(body, frame, codes) {
     const moduli = a.multipliers.map(([re, im]) => small(Math.hypot(re, im)));
     const sizes = moduli.length > 1 && moduli.every((m) => m === moduli[0]) ? `${moduli[0]} (${moduli.length})` : moduli.join(", ");
     const exponent = a.exponents.length ? `exponent ${small(a.exponents[0])}` : "";
-    return cells(swatch(a.identity), a.name, a.period ? String(a.period) : "–", sizes || exponent, percent(a.fraction) + error(a.fraction));
+    return cells(a.identity, swatch(a.identity), a.name, a.period ? String(a.period) : "–", sizes || exponent, percent(a.fraction) + error(a.fraction));
   });
-  rows.push(...Object.entries(frame.others).map(([name, f]) => cells(swatch(codes[name]), name, "", "", percent(f))));
+  rows.push(...Object.entries(frame.others).map(([name, f]) => cells(codes[name], swatch(codes[name]), name, "", "", percent(f))));
   body.replaceChildren(...rows);
 }
 

@@ -283,6 +283,48 @@ def test_news_go_with_their_image_and_headers_have_names(page: Page) -> None:
     assert all(page.eval_on_selector_all("th", "(heads) => heads.map((h) => h.textContent.trim())"))
 
 
+def test_a_slider_plays_and_stops(page: Page) -> None:
+    slider = page.get_by_label("keep, slider")
+    slider.focus()
+    page.keyboard.press("Space")
+    until(page, "Number(document.getElementById('value-keep').value) > 0.61")
+    assert page.get_attribute(".play", "aria-pressed") == "true"
+    after(page, lambda: page.keyboard.press("Space"))
+    assert page.get_attribute(".play", "aria-pressed") == "false"
+    keep = float(page.input_value("#value-keep"))
+    assert_shown(page, find_basins(WELLS.with_params(keep=keep), WINDOW))
+    after(page, lambda: page.keyboard.press("Control+z"))
+    assert page.input_value("#value-keep") == "0.6"
+    page.click(".play")
+    until(page, "Number(document.getElementById('value-keep').value) > 0.61")
+    after(page, lambda: page.select_option("#system", "swing"))
+    page.get_by_label("Play phase of the section").click()
+    until(page, "Number(document.getElementById('value-phase of the section').value) > 0.02")
+    after(page, lambda: page.get_by_label("Play phase of the section").click())
+
+
+def test_a_row_lights_its_basin_and_an_image_has_the_pixels_of_the_screen(page: Page) -> None:
+    before = pixels(page).reshape(-1, 3)
+    page.hover("#attractors tbody tr:nth-child(1)")
+    page.wait_for_timeout(200)
+    lit = pixels(page).reshape(-1, 3)
+    same = (lit == before).all(axis=1)
+    colours = [np.unique(before[rows], axis=0) for rows in (same, ~same)]
+    assert [len(c) for c in colours] == [1, 1]
+    assert np.abs(np.unique(lit[~same], axis=0) - (255 - 0.25 * (255.0 - colours[1]))).max() <= 1
+    box = page.locator("#image").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] * 0.75, box["y"] + box["height"] * 0.5)
+    page.wait_for_timeout(200)
+    assert np.array_equal(pixels(page).reshape(-1, 3), before)
+    assert "fixed point (1, 0)" in page.inner_text("#attractors tr.lit")
+    option = page.locator("#cells option", has_text="(screen)").get_attribute("value")
+    after(page, lambda: page.select_option("#cells", option))
+    assert page.evaluate(
+        "(c => c.width === Math.round(c.clientWidth * devicePixelRatio))(document.getElementById('image'))"
+    )
+
+
 def test_everything_is_undone_and_done_again(page: Page) -> None:
     def shown() -> dict[str, str]:
         fields = "[...document.querySelectorAll('#parameters input, [data-field], header select, #cells, #tolerance')]"
