@@ -74,10 +74,16 @@ def typed_system(text: str, title: str = "typed") -> Explored:
     >>> oscillator.system.derivative(0.0, (0.0, 1.0))
     (1.0, 0.5)
     """
-    found = translated(text, title) if is_python(text) else _translated(text, title)
     names: dict[str, Any] = {}
     try:
+        found = translated(text, title) if is_python(text) else _translated(text, title)
         exec(compile(found.source, "<equations>", "exec"), names)
+    except RecursionError:
+        raise EquationError(
+            "a formula has too many parts within or after each other: give some of them names", 1
+        ) from None
+    except EquationError:
+        raise
     except (ValueError, TypeError, ArithmeticError) as error:
         part = next((part for part in ("period", "coordinates") if str(error).startswith(part)), "rhs")
         raise EquationError(str(error), found.lines.get(part, 1)) from error

@@ -13,7 +13,7 @@ LONGEST_TEXT = 10_000
 """Characters of a text of equations."""
 
 MOST_WORK = 5000
-"""Operations of a right-hand side, so that it is compiled within some seconds."""
+"""Operations of a right-hand side, so that it is compiled within half a minute."""
 
 FUNCTION_WORK = 80
 """Operations as which a function such as the sine counts: the machine code of its vectors is as long."""

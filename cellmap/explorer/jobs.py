@@ -63,17 +63,15 @@ class Jobs:
         try:
             async with self._answering:
                 answer = await asyncio.get_running_loop().run_in_executor(self._threads, heeded)
-            self._stops.pop(number, None)  # from here on it is too late
-            await then(asked, answer)
-        except (WebSocketDisconnect, RuntimeError):
-            pass
         except Exception as error:
             told = error
         finally:
             stop.request()
-            self._stops.pop(number, None)
-        if told is not None:
-            with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+            self._stops.pop(number, None)  # from here on it is too late
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # the page is gone
+            if told is None:
+                await then(asked, answer)
+            else:
                 await self._tell(failure(told, asked.get("request")))
 
     async def cancel(self, request: int) -> bool:

@@ -53,7 +53,7 @@ def equations(system: ForcedSystem | PointMap) -> list[list[str]] | None:
     """
     try:
         outputs, names = _traced(system)
-    except (UntraceableError, TypeError, ValueError, ArithmeticError):
+    except (UntraceableError, TypeError, ValueError, ArithmeticError, RecursionError):
         return None
     coordinates = [c.name for c in (system.axes if isinstance(system, ForcedSystem) else system.coordinates)]
     writer, lines = _Writer(coordinates, names, outputs), []

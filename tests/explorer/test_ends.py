@@ -36,6 +36,15 @@ def test_a_question_that_is_cancelled_holds_nobody_up(page: Page, monkeypatch: p
     assert "give a whole number" in page.ask("cancel")["message"]
 
 
+def test_whatever_a_question_raises_is_told(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(frame: Any) -> Any:
+        raise RuntimeError("it broke")
+
+    monkeypatch.setattr("cellmap.explorer.questions.measures", broken)
+    page.image()
+    assert page.ask("measures")["message"] == "RuntimeError: it broke"
+
+
 def test_an_image_that_is_cancelled_ends_at_once(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
     """As long as its thread is compiling; another system, and the same one later, have their images."""
     released, frames = threading.Event(), Images.frames
@@ -115,6 +124,8 @@ def test_what_would_take_too_long_to_compile_is_refused() -> None:
     program = f"from math import sin\ndef function(u, p):\n    x, = u\n    return {sines},\nparams = {{}}\n"
     with pytest.raises(EquationError, match=r"line 4, column .*: more than 5000 operations"):
         typed_system(program)
+    with pytest.raises(EquationError, match="a formula has too many parts within or after each other"):
+        typed_system("x -> " + " + ".join(400 * ["x"]))
     assert typed_system("x -> " + " + ".join(f"sin({k}*x)" for k in range(50))).system.dimension == 1
 
 

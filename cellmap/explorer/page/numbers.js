@@ -20,12 +20,15 @@ export function shown(value, step) {
   return String(Number(value.toPrecision(Math.min(17, Math.max(1, digits)))));
 }
 
-// Returns the number from which places between two limits are told: 0 unless these agree in many digits.
+// Returns the number from which places between two limits are told, not above them: 0 unless these agree in many digits.
 export function origin(lower, upper) {
   const [width, size] = [upper - lower, Math.max(Math.abs(lower), Math.abs(upper))];
   if (!(width > 0) || width > NARROW * size) return 0;
   const digits = Math.floor(Math.log10(size)) - Math.ceil(Math.log10(width)) + 1;
-  return Number(lower.toPrecision(Math.min(17, Math.max(1, digits))));
+  const kept = Math.min(17, Math.max(1, digits));
+  const near = Number(lower.toPrecision(kept));
+  if (near <= lower) return near;
+  return Number((near - 10 ** (Math.floor(Math.log10(size)) + 1 - kept)).toPrecision(kept));
 }
 
 // Returns a place between two limits with the digits of a part of their distance: 1.25, or 0.3 + 4.01e-13.
