@@ -24,3 +24,5 @@ from .refining import refine_basins as refine_basins
 from .store import StoreError as StoreError
 from .store import load_basins as load_basins
 from .store import save_basins as save_basins
+from .symmetries import SymmetricGroups as SymmetricGroups
+from .symmetries import symmetric_groups as symmetric_groups

@@ -23,6 +23,8 @@ from ._fractal import generalized_dimensions as generalized_dimensions
 from ._fractal import kaplan_yorke as kaplan_yorke
 from ._fractal import uncertainty_exponent as uncertainty_exponent
 from ._fractal import wada as wada
+from ._fractions import fractions as fractions
+from ._fractions import symmetric_groups as symmetric_groups
 from ._global_bifurcations import arnold_tongues as arnold_tongues
 from ._global_bifurcations import connections as connections
 from ._global_bifurcations import invariant_circles as invariant_circles

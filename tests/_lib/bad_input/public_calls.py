@@ -238,6 +238,7 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "escape_rate": lambda: {"point_map": leaving(), "attractors": (), "n_samples": 2000, "max_periods": 20},
     "zero_one_test_of_series": lambda: {"series": CLOUD[:, 0], "n_frequencies": 20},
     "binomial_interval": lambda: {"count": 3, "trials": 10},
+    "symmetric_groups": lambda: {"basins": sample("Basins"), "symmetries": {"none": lambda x: x}},
     "random_ball": lambda: {"radius": 0.5},
     "random_box": lambda: {"ranges": {"x": (0.0, 1.0)}},
     "node_stability": lambda: {"source": sample("Basins"), "attractors": (), "nodes": {"first": {"x": (0.0, 1.0)}}},
