@@ -12,6 +12,7 @@ from ..maps.coordinates import Coordinate, difference
 from ..maps.point_map import PointMap
 from ..orbits.newton import newton, resolution, return_distances
 from .trapping import extent_of_motion
+from .tube import SAMPLED
 
 LOOKED_AT = 256
 """Ends among which those to be refined are chosen."""
@@ -21,14 +22,20 @@ _SETTLING = 16  # ends that come back closest, among which as many are chosen
 _RETURNS = 4  # likely periods tried for each of them, besides 1,
 _IMAGES = 1800  # of the map, for each state where orbits begin, that regions of attractors may take,
 _AT_LEAST = 200_000  # and for all of few states
-_RETURNED = 0.2  # if they bring it back to within this part of the extent
+_RETURNED = 0.2  # if they bring it back to within this part of the extent, or where derivatives cost more than periods,
+_CLOSE = 1e-3  # within this one
+_CLOSED = 1e-6  # part of the extent within which an orbit has closed by itself,
+_SAME = 1e-4  # and in which ends are on one orbit
+_ATTRACTORS = 2**32  # more than there are
+_CYCLES = 16  # closed orbits of more than one period that are refined at a time
 
 
 @dataclass(eq=False)
 class Examined:
     """What a search has tried: ends that a look comes back to, and points to which many ends lead, again and again.
 
-    ``points``: periodic points that belong to no attractor; ``ends``: what became of guesses, by their bits and period;
+    ``points``: periodic points that belong to no attractor; ``ends``: what became of guesses, by their bits and period,
+    and of looks for curves, by the sum of the states and a negative number;
     ``distances``: how close the ends of the last look have come back to themselves, by their bits; ``lines``: points of
     segments of periodic points that do not attract; ``begun``: where orbits began; ``images``: images of the map that
     regions of attractors may still take in more than four dimensions.
@@ -67,6 +74,13 @@ class Examined:
         apart = np.abs(difference(self.points, point, self.coordinates))
         return bool((apart <= 1e-8 * resolution(point, self.extent)).all(axis=-1).any())
 
+    def looked_for_curves(self, states: Floats, age: int, known: int, slow: bool) -> bool:
+        """Tell whether a look along orbits of an age was made with as many known attractors, and remember it."""
+        key = states.sum(axis=0).tobytes(), -(2 * age + int(slow)) * _ATTRACTORS - known
+        before = key in self.ends
+        self.ends[key] = None
+        return before
+
     def refuse(self, points: Floats) -> None:
         """Remember the points of an orbit that is no attractor."""
         self.points = np.concatenate([self.points, points])
@@ -102,10 +116,14 @@ def guesses_of(
 ) -> Iterator[tuple[Floats, Ints]]:
     """Yield guesses of periodic points with their periods: first period 1, then those of the closest returns.
 
-    Guesses are ends that lie far apart, and ends whose orbits come back closest.
+    Guesses are ends that lie far apart, and ends whose orbits come back closest.  In more than four dimensions, where a
+    derivative costs many periods, the first ones are ends whose orbits have closed by themselves, one of each orbit.
     """
+    many = point_map.dimension > SAMPLED
     ends = states[np.unique(np.linspace(0, len(states) - 1, LOOKED_AT).round().astype(np.int64))]
     distance = examined.return_distances(point_map, ends, longest_period)
+    if many:
+        yield from _closed(ends, distance, extent)
     patience = np.argsort(distance.min(axis=0), kind="stable")
     chosen = _far_apart(ends, np.arange(len(ends)), point_map, extent)
     chosen += [i for i in _far_apart(ends, patience[:_SETTLING], point_map, extent) if i not in chosen]
@@ -113,10 +131,22 @@ def guesses_of(
     yield ends, np.ones(len(ends), np.int64)
     if longest_period > 1:
         closest = 2 + np.argsort(distance[1:], axis=0, kind="stable")[:_RETURNS]
-        close = np.take_along_axis(distance, closest - 1, axis=0) < _RETURNED
+        close = np.take_along_axis(distance, closest - 1, axis=0) < (_CLOSE if many else _RETURNED)
         rank, row = np.nonzero(close & ~_multiples(closest))
         if len(row):
             yield ends[row], closest[rank, row]
+
+
+def _closed(ends: Floats, distance: Floats, extent: Floats) -> Iterator[tuple[Floats, Ints]]:
+    """Yield ends (n, d) whose orbits have closed, one for each place, with their periods: fixed points first."""
+    closed = distance <= _CLOSED
+    periods = np.where(closed.any(axis=0), 1 + np.argmax(closed, axis=0), 0)
+    places = np.round(ends / (_SAME * extent))
+    for fixed in (True, False):
+        rows = np.flatnonzero((periods == 1) if fixed else (periods > 1))
+        rows = np.sort(rows[np.unique(places[rows], axis=0, return_index=True)[1]])[: None if fixed else _CYCLES]
+        if len(rows):
+            yield ends[rows], periods[rows]
 
 
 def _multiples(periods: Ints) -> Bools:

@@ -18,9 +18,12 @@ _SAFETY = 2.0  # times the nonlinear remainder that is seen has to fit into the 
 _WORST = 8  # directions whose sums and differences are looked at as well
 _CONTRACTING, _MOST = 0.7, 64  # largest factor of as many steps as are taken together, at most
 _ATTEMPTS = 16  # radii that are tried
-_USUAL = 6  # radii that it takes
-_RETURNING = 64  # periods of an attractor after which orbits have to come back into a region that is not verified,
-_RETURNED = (0.1, 0.01, 1e-3, 1e-4, 1e-5)  # and radii of such a region
+_USUAL = 3  # times as many images as a whole surface takes
+_RANDOM = 16  # directions at random, at most
+_WATCHED = 32  # directions in which a radius is sought, before it is tested in all of them
+_RETURNING = 64  # periods after which orbits have to come back into a region that is not verified, at least,
+_RETURNED = (0.1, 0.01, 1e-3, 1e-4, 1e-5)  # radii of such a region,
+_BEGINNING = 16  # and orbits that begin on its surface around each point
 _SMALLEST = 1e-10  # radius, in units of the limits
 _ROUNDED = 1e-4  # radius below which a remainder that rises is rounding; above it is that of orbits that go elsewhere
 _LARGE = 0.25  # part of the margin from which smaller surfaces are looked at
@@ -40,10 +43,10 @@ def lyapunov_neighbourhood(
     ``steps`` (period, d, d) are the derivatives of the map at its points, ``limit`` (d,) the largest half-widths.  The
     forms are solutions of the discrete Lyapunov equation along the orbit, in O(period d^3), so that the linear steps
     shorten lengths by a known factor.  The nonlinear remainder is seen in some directions: those in which an ellipsoid
-    is widest along each coordinate, its axes, as many at random, and sums and differences of those that are worst.
-    Twice the largest one has to fit into the contraction margin, on the surface and on smaller ones, down to where it
-    is small against the margin.  A radius is foreseen from the remainder of the one before, so that all this takes some
-    ten images for each direction.
+    is widest along each coordinate, its axes, some at random, and sums and differences of those that are worst.
+    Twice the largest one has to fit into the contraction margin, on the surface and, in the 32 directions that are the
+    worst ones there, on smaller ones, down to where it is small against the margin.  A radius is foreseen from the
+    remainder of the one before, and sought in 32 directions, so that all this takes some two images for each direction.
 
     Where none is found, as where the largest multiplier is too close to 1, or where one cannot `afford` the images, the
     ellipsoids are those from whose surfaces orbits are seen to come back, and their `contraction` is 1.
@@ -62,6 +65,8 @@ def lyapunov_neighbourhood(
     radius, before = 1.0, np.inf
     for _ in range(_ATTEMPTS):
         part = surfaces.part_of_margin(radius)
+        if part <= 1.0:
+            part = surfaces.part_of_margin(radius, whole=True)
         if part <= 1.0:
             within = _smallest_failing(surfaces, radius, part)
             if not within:
@@ -115,21 +120,29 @@ class _Surfaces:
         self.linear = np.sqrt(np.maximum(growth, 0.0))
         self.margin = 0.5 * (1.0 + rate) - self.linear
         d = points.shape[1]
-        random = np.broadcast_to(directions(d, 2 * d, d), (len(points), d, d)).transpose(0, 2, 1)
+        more = directions(d, 2 * d, min(d, _RANDOM))
+        random = np.broadcast_to(more, (len(points), *more.shape)).transpose(0, 2, 1)
         # The point of an ellipsoid that is farthest along a coordinate.
         inverse = roots @ roots.transpose(0, 2, 1)
         farthest = inverse / np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))[:, None, :]
         half = np.concatenate([roots, farthest, roots @ random], axis=-1).transpose(0, 2, 1)
         self.offsets = np.concatenate([half, -half], axis=1)
+        number = self.offsets.shape[1]
+        some = np.linspace(0, number - 1, min(_WATCHED, number)).astype(int)
+        self.watched = self.offsets[:, some]
 
-    def part_of_margin(self, radius: float) -> float:
+    def part_of_margin(self, radius: float, whole: bool = False) -> float:
         """Return the nonlinear remainder on surfaces of a radius, times what makes it safe, in contraction margins.
 
-        It is inf where a point has no image.
+        It is inf where a point has no image.  Unless the `whole` surface is looked at, it is seen in those directions
+        that were the worst ones on the last that was.
         """
-        rest = self._remainders(self.offsets, radius)
-        worst = np.argsort(-rest, axis=1)[:, :_WORST]
-        chosen = np.take_along_axis(self.offsets, worst[..., None], axis=1)
+        offsets = self.offsets if whole else self.watched
+        rest = self._remainders(offsets, radius)
+        worst = np.argsort(-rest, axis=1)[:, :_WATCHED]
+        if whole:
+            self.watched = np.take_along_axis(offsets, worst[..., None], axis=1)
+        chosen = np.take_along_axis(offsets, worst[:, :_WORST, None], axis=1)
         first, second = np.triu_indices(chosen.shape[1], 1)
         sums = np.concatenate([chosen[:, first] + chosen[:, second], chosen[:, first] - chosen[:, second]], axis=1)
         lengths = self._norm(sums, self.forms)[..., None]
@@ -147,10 +160,10 @@ class _Surfaces:
         return np.where(alive & np.isfinite(sizes), sizes, np.inf)
 
     def recurrent(self) -> Neighbourhood | None:
-        """Return ellipsoids into which orbits come back from the farthest points along each coordinate."""
+        """Return ellipsoids into which orbits come back from the farthest points along some coordinates."""
         n, d = self.points.shape
-        farthest = self.offsets[:, d : 2 * d]
-        periods = np.full(n, _RETURNING * n)
+        farthest = self.offsets[:, np.linspace(d, 2 * d - 1, min(_BEGINNING, d)).astype(int)]
+        periods = np.full(n, -(-_RETURNING // n) * n)
         for radius in _RETURNED:
             shifts = radius * farthest * self.limit
             after, alive = displaced(self.exact, self.points, shifts, periods)

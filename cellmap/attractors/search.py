@@ -16,8 +16,9 @@ from .._lib.stopping import Stop
 from ..maps.coordinates import state_points, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
-from ..orbits.attractor import Attractor, Neighbourhood, sort_key
+from ..orbits.attractor import Attractor, Kind, Neighbourhood, sort_key
 from ..orbits.newton import stable_orbit
+from .boxes import inside_cover
 from .chaos import Examination, examine
 from .continua import closed_orbits, continua, joined_continua
 from .equilibria import sticking_sets
@@ -284,7 +285,10 @@ def new_attractors(
 
 def _belong(points: Floats, known: Sequence[Attractor], point_map: PointMap) -> bool:
     """Tell whether any of some points of an orbit is in the trapping region of an attractor: then it is on that one."""
-    return bool((Catalogue.of(known, point_map).owners_of(points) >= 0).any())
+    tubes = [a.cover for a in known if a.kind is Kind.QUASIPERIODIC and a.cover is not None]
+    return bool((Catalogue.of(known, point_map).owners_of(points) >= 0).any()) or any(
+        inside_cover(tube, points, point_map).any() for tube in tubes
+    )
 
 
 def _verified(point_map: PointMap, orbit: Attractor, examined: Examined) -> list[Attractor]:
@@ -306,6 +310,8 @@ def curves_and_cycles(
     slow: bool,
 ) -> list[Attractor]:
     """Return invariant circles to which orbits come, and the long cycles that they turned out to be on instead."""
+    if examined.looked_for_curves(states, age, len(known), slow):
+        return []
     found = quasiperiodic_attractors(point_map, states, extent, age, known, slow, examined.afford)
     return found.attractors + verified_cycles(point_map, found.cycles, [*known, *found.attractors], extent, examined)
 

@@ -33,6 +33,8 @@ _CLOSED = 4e-15  # residual that is rounding
 _SINGULAR = 1e-14  # determinant
 _STABLE = 1.0 - 1e-8
 _UNSTABLE = 1.0 + 1e-3  # largest multiplier from which the derivative of Newton's last step proves a point unstable
+_CHORD = 1e-5  # way, as a part of the resolution, on which a derivative is kept
+_FEW = 4  # dimensions up to which all derivatives cost little more than an image
 _HOPELESS = 1e6  # and from which a guess is in the midst of chaos, and no attracting point is close
 
 Equations = Callable[[Ints, Floats], tuple[Floats, Floats]]
@@ -146,11 +148,12 @@ def newton(
     """
     exact, d = point_map.without_table, len(extent)
     held, identity, first = guesses[:, d:], np.eye(d), attracting
+    derivatives = _Derivatives(exact, len(guesses), d, extent)
 
     def equations(rows: Ints, points: Floats) -> tuple[Floats, Floats]:
         nonlocal first
         places = np.concatenate([points, held[rows]], axis=-1)
-        images, matrices = tangent(exact, places, periods[rows], d)
+        images, matrices = derivatives.at(rows, places, periods[rows])
         residual = difference(images, places, exact.coordinates)[:, :d]
         if first:
             finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
@@ -167,6 +170,30 @@ def newton(
     if attracting:
         settled[settled] = ~(_largest_multiplier(slopes[settled] + identity) > _UNSTABLE)
     return wrap(np.concatenate([points, held], axis=-1), exact.coordinates), settled
+
+
+class _Derivatives:
+    """Images of points and derivatives there, which in many dimensions are kept as long as a point hardly moves."""
+
+    def __init__(self, exact: PointMap, number: int, d: int, extent: Floats) -> None:
+        self.exact, self.d, self.extent = exact, d, extent
+        kept = number if d > _FEW else 0
+        self.points, self.matrices = np.full((kept, d), np.nan), np.zeros((kept, d, d))
+
+    def at(self, rows: Ints, places: Floats, periods: Ints) -> tuple[Floats, Floats]:
+        """Return unwrapped images (m, d) of places of some rows, and derivatives (m, d, d)."""
+        if self.d <= _FEW:
+            return tangent(self.exact, places, periods, self.d)
+        points = places[:, : self.d]
+        moved = np.abs(points - self.points[rows]) / resolution(points, self.extent)
+        near = (moved <= _CHORD).all(axis=-1)
+        images = np.empty(places.shape)
+        if near.any():  # one direction is enough
+            images[near] = tangent(self.exact, places[near], periods[near], 1)[0]
+        if not near.all():
+            images[~near], self.matrices[rows[~near]] = tangent(self.exact, places[~near], periods[~near], self.d)
+            self.points[rows[~near]] = points[~near]
+        return images, self.matrices[rows]
 
 
 def _largest_multiplier(matrices: Floats) -> Floats:

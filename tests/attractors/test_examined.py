@@ -8,7 +8,9 @@ import numpy as np
 
 import systems
 from cellmap import Label, discrete_map, find_basins, stroboscopic_map
-from cellmap.attractors.examined import Examined
+from cellmap.attractors.examined import Examined, guesses_of
+from cellmap.attractors.quasiperiodic import Found
+from cellmap.attractors.search import curves_and_cycles
 from cellmap.orbits.newton import newton, return_distances
 
 
@@ -45,3 +47,32 @@ def test_ends_of_the_last_look_are_not_followed_again(monkeypatch):
     for part in (slice(0, 5), slice(2, 9), slice(2, 9)):
         assert np.array_equal(examined.return_distances(henon, ends[part], 8), whole[:, part])
     assert followed == [5, 4]
+
+
+def wells(x, p):
+    """Return steps x -> x + (x - x^3) / 4 to +-1, with multipliers 1/2; the first coordinate changes its sign."""
+    first = x[0] + 0.25 * (x[0] - x[0] ** 3)
+    return -first, *(v + 0.25 * (v - v**3) for v in x[1:])
+
+
+def test_ends_that_have_closed_are_guesses_of_their_periods_once_for_each_place():
+    six = discrete_map(wells, {}, tuple(f"x{i}" for i in range(6)))
+    places = np.sign(np.random.default_rng(0).uniform(-1, 1, (9, 6)))
+    ends = np.repeat(places, 5, axis=0) + 1e-9 * np.random.default_rng(1).standard_normal((45, 6))
+    examined = Examined.nothing_yet(six, np.ones(6), ends)
+    guesses, periods = next(guesses_of(six, ends, 8, np.ones(6), examined))
+    assert np.unique(np.round(guesses), axis=0).tolist() == np.unique(places, axis=0).tolist()
+    assert periods.tolist() == [2] * len(np.unique(places, axis=0))
+
+
+def test_orbits_are_not_followed_along_curves_twice(monkeypatch):
+    looks = []
+    monkeypatch.setattr(
+        "cellmap.attractors.search.quasiperiodic_attractors", lambda *a: looks.append(a[3]) or Found([], [])
+    )
+    six = discrete_map(wells, {}, tuple(f"x{i}" for i in range(6)))
+    states = np.ones((3, 6))
+    examined = Examined.nothing_yet(six, np.ones(6), states)
+    for age, slow in ((64, False), (64, False), (128, False), (128, True)):
+        curves_and_cycles(six, states, [], np.ones(6), examined, age, slow)
+    assert looks == [64, 128, 128]

@@ -9,6 +9,7 @@ import pytest
 from small_maps import CIRCLE, circle, logistic
 
 from cellmap import discrete_map
+from cellmap.maps.tangent import tangent
 from cellmap.orbits.newton import newton, stable_orbit
 
 
@@ -51,3 +52,23 @@ def test_least_period_is_taken(multiple):
 @pytest.mark.parametrize("r", [3.0, 3.2])
 def test_neutral_and_unstable_points_are_not_stable(r):
     assert stable_orbit(logistic(r), np.array([1 - 1 / r]), 1, np.ones(1)) is None
+
+
+def test_derivatives_are_kept_where_points_hardly_move_in_many_dimensions(monkeypatch):
+    """x -> 1/2 x + 1/4 x^2 + ..., six coordinates; the solution is where x = 1/2 x + 1/4 x_next^2 + 1/10."""
+    directions = []
+
+    def counted(point_map, points, periods, states):
+        directions.append(states)
+        return tangent(point_map, points, periods, states)
+
+    monkeypatch.setattr("cellmap.orbits.newton.tangent", counted)
+    six = discrete_map(
+        lambda x, p: tuple(0.5 * x[i] + 0.25 * x[(i + 1) % 6] ** 2 + 0.1 for i in range(6)), {}, tuple("abcdef")
+    )
+    exact = 1.0 - sqrt(0.6)  # x^2 / 4 - x / 2 + 1/10 = 0
+    guesses = np.full((2, 6), exact) + np.random.default_rng(0).uniform(-1e-7, 1e-7, (2, 6))
+    points, settled = newton(six, guesses, np.ones(2, int), np.ones(6))
+    assert settled.all()
+    assert points == pytest.approx(np.full((2, 6), exact), abs=1e-14)
+    assert directions[0] == 6 and set(directions[1:]) == {1}

@@ -21,6 +21,7 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap.attractors import continue_attractors
+from cellmap.attractors.search import _belong
 from cellmap.basins import continue_basins
 from cellmap.maps import flow_map
 from cellmap.orbits import Kind
@@ -288,3 +289,11 @@ def test_a_locked_circle_is_periodic_however_slowly_orbits_come_to_rest(shift: f
     """At k = 0.1 the tongue of 1/2 reaches to 0.50040: its half-width is about k^2/(8 pi)."""
     (cycle,) = find_basins(CIRCLE.with_params(shift=shift, k=0.1), STRIP).attractors
     assert (cycle.kind, cycle.period) == (Kind.ROTATING, 2)
+
+
+def test_points_in_a_tube_belong_to_its_curve():
+    """The curve attracts by a factor of 1/2 in r, from everywhere: a point beside it is on no other cycle."""
+    (curve,) = find_attractors(CIRCLE, [[0.1, 0.2], [0.3, -0.1]], max_periods=300)
+    assert _belong(curve.points[:1], [curve], CIRCLE)
+    assert not _belong(curve.points[:1] + np.array([0.0, 5.0]), [curve], CIRCLE)
+    assert not _belong(curve.points[:1], [], CIRCLE)
