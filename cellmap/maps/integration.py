@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .._compiled.codegen.evaluation import evaluated
 from .._compiled.codegen.expression import UntraceableError
 from .._compiled.codegen.kernel import (
     PeriodKernel,
@@ -17,6 +18,7 @@ from .._compiled.codegen.kernel import (
     jet_flow_kernel,
     switching_kernel,
 )
+from .._compiled.codegen.methods import LARGE
 from .._compiled.kernels.blocks import LANES, wrap_rows
 from .._compiled.kernels.periods import INACCURATE, PROBE, ROUNDED, Motion, integrate
 from .._lib.arrays import Bools, Floats, Ints
@@ -85,6 +87,9 @@ _SAMPLES = 32
 _FEW_STEPS = 32
 _MANY_STEPS = 256
 _TRIAL_STEPS = 1024
+_RATES = 3
+_POWERS = 32
+_STABLE = 3.0  # eigenvalue times the size of a step up to which no explicit method is unstable
 _ROSENBROCK_WORK = 3.0  # of a step, in steps of the explicit methods, at least
 
 
@@ -100,6 +105,8 @@ def _fitting(explicit: Flow, known: Formulas) -> Flow:
         return explicit
     if expected <= _MANY_STEPS and explicit.steps_at(points, int(np.ceil(expected))) <= _MANY_STEPS:
         return explicit
+    if known.system.dimension > LARGE and _fastest_rate(known, points) * explicit.length < _STABLE * _FEW_STEPS:
+        return explicit  # its steps are not short for the sake of stability
     try:
         stiff = replace(explicit, kernel=_kernel(known, "Rosenbrock", explicit.rtol))
     except (UntraceableError, ValueError):
@@ -110,6 +117,27 @@ def _fitting(explicit: Flow, known: Formulas) -> Flow:
     bound = explicit.max_steps if missed_stiff else min(explicit.max_steps, max(enough, _FEW_STEPS))
     missed, work = _trial(replace(explicit, max_steps=bound), points)
     return stiff if (missed_stiff, _ROSENBROCK_WORK * work_stiff) < (missed, work) else explicit
+
+
+def _fastest_rate(known: Formulas, points: Floats) -> float:
+    """Return the largest size of an eigenvalue of the derivative at a few states, by powers of difference quotients."""
+    system, traced, found = known.system, known.plain, 0.0
+    assert traced is not None, "only formulas are tried in two ways"
+    shared = dict(zip((traced.time, *traced.parameters), (0.0, *_values(system)), strict=True))
+    for point in points[:_RATES]:
+        states = np.vstack([point, point + _SHORT * np.eye(system.dimension)])
+        values = evaluated(traced.outputs, shared | dict(zip(traced.states, states.T, strict=True)))
+        rates = np.stack([np.broadcast_to(v, len(states)) for v in values])
+        matrix = (rates[:, 1:] - rates[:, :1]) / _SHORT
+        if not np.isfinite(matrix).all():
+            continue
+        vector, growth = np.random.default_rng(0).normal(size=system.dimension), 0.0
+        for k in range(2 * _POWERS):
+            vector = (matrix * vector).sum(axis=1)
+            size = float(np.sqrt((vector * vector).sum())) or 1.0
+            vector, growth = vector / size, growth + np.log(size) * (k >= _POWERS)
+        found = max(found, float(np.exp(growth / _POWERS)))
+    return found
 
 
 _CHECKED = 1.0 / 1024  # fraction of the orbits

@@ -38,6 +38,30 @@ lap("program of the README to its labels, 300^2, import included")
 """
 )
 
+NETWORK = (
+    """
+from math import cos, pi, sin
+import numpy as np
+from cellmap import ForcedSystem, stroboscopic_map
+"""
+    + LAPS
+    + """
+n = 100
+links = [(i, (i + k) % n) for i in range(n) for k in ((1, n // 2 - 3) if i % 3 == 0 else (1,))]
+near = [[(set(link) - {i}).pop() for link in links if i in link] for i in range(n)]
+def rhs(t, x, p):
+    power = [p.P * (-1) ** i + (p.f * cos(t) if i == 0 else 0.0) for i in range(n)]
+    pulls = [sum(sin(x[i] - x[j]) for j in near[i]) for i in range(n)]
+    return (*x[n:], *(power[i] - p.alpha * x[n + i] - p.K * pulls[i] for i in range(n)))
+grid = ForcedSystem(rhs, {"P": 1.0, "f": 0.1, "K": 8.0, "alpha": 0.1}, 2 * pi, [f"x{i}" for i in range(2 * n)])
+exact = stroboscopic_map(grid)
+exact(np.zeros((1, 2 * n)))
+lap("first image of 100 machines in a network")
+exact(np.random.default_rng(0).uniform(-1.0, 1.0, (1000, 2 * n)))
+lap("1000 orbits for a period")
+"""
+)
+
 SCENES = (
     LAPS
     + """
@@ -85,7 +109,7 @@ lap("section map of Lorenz's system")
 )
 
 
-@pytest.mark.parametrize("program", [README, SCENES], ids=["readme", "scenes"])
+@pytest.mark.parametrize("program", [README, SCENES, NETWORK], ids=["readme", "scenes", "network"])
 def test_first_results(program: str, tmp_path: Path, say: Callable[[str], None]) -> None:
     def run(folder: str) -> list[str]:
         environment = {**os.environ, "CELLMAP_CACHE_DIR": str(tmp_path / folder)}

@@ -19,8 +19,9 @@ from .derivative import frame_traces, jet_trace
 from .emit import evaluate, inputs
 from .expression import UntraceableError, in_order
 from .filippov import SwitchingTrace, switching_trace
+from .in_memory import compiled_in_memory
 from .instructions import Instructions, Value
-from .methods import Method, choose_method, series_work, taylor_method, taylor_order
+from .methods import LARGE, Method, choose_method, series_work, taylor_method, taylor_order
 from .own_steps import compiled_own_steps
 from .period import CompiledPeriod, PerLane, PerStep, Step, Values, compiled_period, compiled_rows, relative_errors
 from .runge_kutta import called_steps
@@ -92,12 +93,13 @@ def flow_kernel(
 ) -> PeriodKernel:
     """Compile the period of a flow with a method of that name, from its trace or, if not `symbolic`, as it is."""
     traced = traced_function(rhs, dimension, names) if symbolic else None
-    chosen = choose_method(method, traced, rtol)
+    large = dimension > LARGE
+    chosen = choose_method(method, traced, rtol, large)
     if traced is None:
         tableau = chosen.tableau
         assert tableau is not None, "only traced right-hand sides have series"
         return finished(_called(rhs, lambda prepared: called_steps(prepared, tableau), dimension, names), chosen)
-    return finished(compiled_steps(chosen, traced, len(names)), chosen)
+    return finished(compiled_steps(chosen, traced, len(names), large), chosen)
 
 
 @kept
@@ -110,8 +112,9 @@ def jet_flow_kernel(
         return None
     try:
         jet = jet_trace(traced, order)
-        chosen = choose_method(method, jet, rtol)
-        return finished(compiled_steps(chosen, jet, len(names)), chosen)
+        large = dimension > LARGE
+        chosen = choose_method(method, jet, rtol, large)
+        return finished(compiled_steps(chosen, jet, len(names), large), chosen)
     except UntraceableError:
         return None
 
@@ -127,13 +130,15 @@ def frame_kernel(rhs: Callable[..., Any], dimension: int, names: Names, rtol: fl
     traced = traced_function(rhs, dimension, names)
     if traced is None or traced.has_branches:
         return None
-    method = choose_method("auto", traced, rtol)
+    method = choose_method("auto", traced, rtol, dimension > LARGE)
     vectors = vectors_in_a_lane(dimension, method)
     try:
         frames = frame_traces(traced, vectors) if vectors > 1 else [jet_trace(traced, 1)]
     except UntraceableError:
         return None
     least = min(frames, key=lambda found: (series_work(found), len(in_order(found.outputs))))
+    if dimension > LARGE and method.tableau is not None:
+        return finished(compiled_in_memory(least, method.tableau, dimension), method), vectors
     write: Any = method.write
     method = replace(method, write=lambda trace: relative_errors(write(trace), dimension))
     return finished(compiled_steps(method, least, len(names)), method), vectors
@@ -258,8 +263,10 @@ def application(traced: Trace) -> Step:
     return step
 
 
-def compiled_steps(method: Method, traced: Trace, parameters: int) -> CompiledPeriod:
-    """Compile the period of a traced right-hand side by a method."""
+def compiled_steps(method: Method, traced: Trace, parameters: int, large: bool = False) -> CompiledPeriod:
+    """Compile the period of a traced right-hand side by a method, for a `large` system with its states in memory."""
+    if large and method.tableau is not None:
+        return compiled_in_memory(traced, method.tableau)
     step: Any = method.write(traced)
     frame = compiled_own_steps if method.own_steps else compiled_period
     return frame(step, len(traced.states), parameters)

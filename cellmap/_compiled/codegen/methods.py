@@ -76,8 +76,14 @@ _TABLEAUS = {"DOP853": dop853, "RK45": rk45}
 METHOD_NAMES = ("auto", *_TABLEAUS, "Taylor", "Rosenbrock")
 
 
-def choose_method(name: str, trace: Trace | None, rtol: float) -> Method:
+LARGE = 16
+"""States beyond which steps of traced right-hand sides are loops over states in memory, and none are series."""
+
+
+def choose_method(name: str, trace: Trace | None, rtol: float, large: bool = False) -> Method:
     """Return the method of that name; "auto" takes the cheaper of Taylor and DOP853 for this right-hand side.
+
+    For a `large` system it takes DOP853, whose code does not grow with the number of states.
 
     Raises
     ------
@@ -89,7 +95,7 @@ def choose_method(name: str, trace: Trace | None, rtol: float) -> Method:
     if name == "auto":
         name = (
             "Taylor"
-            if analytic and trace is not None and _is_entire(trace) and series_work(trace) <= _MUCH_WORK
+            if analytic and not large and trace is not None and _is_entire(trace) and series_work(trace) <= _MUCH_WORK
             else "DOP853"
         )
     if name == "Taylor":

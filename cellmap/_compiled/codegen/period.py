@@ -32,7 +32,7 @@ from .instructions import Instructions, Value, module_text, number, total
 CHECKED = 256
 """Steps between two looks at whether any lane of a block is still finite."""
 
-_NO_LENGTH = 1e-290  # of a vector that has vanished, and has no error
+NO_LENGTH = 1e-290  # of a vector that has vanished, and has no error
 
 ARGUMENTS = (
     "ptr %context, ptr noalias %x, ptr noalias %steps, double %start, double %period, ptr noalias %p, "
@@ -147,7 +147,7 @@ def relative_errors(step: Step, dimension: int) -> Step:
                 found = list(errors[:dimension])
                 for first in range(dimension, len(after), dimension):
                     length = total([abs(v) for v in after[first : first + dimension]])
-                    part = 1.0 / (length + _NO_LENGTH)
+                    part = 1.0 / (length + NO_LENGTH)
                     found += [part * e for e in errors[first : first + dimension]]
                 return after, found
 

@@ -47,7 +47,7 @@ def traced_steps(trace: Trace, tableau: Tableau) -> Step:
         once = evaluate(out, of_level[CONSTANT], inputs(out, nodes, parameter=p), CONSTANT)
 
         def per_step(t: Value, h: Value) -> PerLane:
-            scaled = _scaled(tableau, h)
+            coefficients = scaled(tableau, h)
             moments: dict[float, Known] = {}
             for c in tableau.nodes:
                 if c not in moments:
@@ -67,7 +67,7 @@ def traced_steps(trace: Trace, tableau: Tableau) -> Step:
                     stages.append(evaluate(out, of_level[STATEFUL], known, STATEFUL))
                     return [stages[-1][e] for e in trace.outputs]
 
-                after, errors = _step(tableau, scaled, h, x, slopes)
+                after, errors = _step(tableau, coefficients, h, x, slopes)
                 factors = [
                     sharp[argument] if argument in sharp else excess([stages[k][argument] for k in seen], scale)
                     for argument, scale in arguments
@@ -97,22 +97,22 @@ def called_steps(prepared: Callable[[Instructions], Call], tableau: Tableau) -> 
         slopes = prepared(out)
 
         def per_step(t: Value, h: Value) -> PerLane:
-            scaled = _scaled(tableau, h)
-            return lambda x: _step(tableau, scaled, h, x, lambda c, state: slopes(t + c * h, state))
+            coefficients = scaled(tableau, h)
+            return lambda x: _step(tableau, coefficients, h, x, lambda c, state: slopes(t + c * h, state))
 
         return per_step
 
     return step
 
 
-def _scaled(tableau: Tableau, h: Value) -> list[list[Value | None]]:
+def scaled(tableau: Tableau, h: Value) -> list[list[Value | None]]:
     """Write the coefficients of the stages, and of the step, times its size."""
     return [[h * a if a else None for a in row] for row in (*tableau.stages, tableau.weights)]
 
 
 def _step(
     tableau: Tableau,
-    scaled: Sequence[Sequence[Value | None]],
+    coefficients: Sequence[Sequence[Value | None]],
     h: Value,
     x: Values,
     slopes: Callable[[float, Values], Values],
@@ -121,19 +121,26 @@ def _step(
     found: list[Values] = []  # derivatives of the stages
 
     def moved(j: int, row: Sequence[Value | None]) -> Value:
-        change = dot((a, k[j]) for a, k in zip(row, found, strict=False) if a is not None)
-        return x[j] if change is None else x[j] + change
+        return after_slopes(x[j], row, [k[j] for k in found])
 
-    for c, row in zip(tableau.nodes, scaled, strict=False):
+    for c, row in zip(tableau.nodes, coefficients, strict=False):
         found.append(slopes(c, [moved(j, row) for j in range(len(x))]))
-    after, errors = [moved(j, scaled[-1]) for j in range(len(x))], []
-    for j in range(len(x)):
-        sums = [dot((e, k[j]) for e, k in zip(row, found, strict=False) if e) for row in tableau.errors]
-        f, g = sums[0], sums[-1]
-        assert f is not None and g is not None, "an estimate has terms"
-        if len(sums) == 1:
-            errors.append(h * f)
-        else:
-            q = f * f
-            errors.append(h * q / simd_math.sqrt(q + 0.01 * (g * g) + 1e-290))
-    return after, errors
+    after = [moved(j, coefficients[-1]) for j in range(len(x))]
+    return after, [estimated(tableau, h, [k[j] for k in found]) for j in range(len(x))]
+
+
+def after_slopes(x: Value, row: Sequence[Value | None], slopes: Values) -> Value:
+    """Write a state after some stages: moved by their derivatives times the coefficients of a row."""
+    change = dot((a, k) for a, k in zip(row, slopes, strict=False) if a is not None)
+    return x if change is None else x + change
+
+
+def estimated(tableau: Tableau, h: Value, slopes: Values) -> Value:
+    """Write the estimate of the error of a state, from its derivatives at all stages."""
+    sums = [dot((e, k) for e, k in zip(row, slopes, strict=False) if e) for row in tableau.errors]
+    f, g = sums[0], sums[-1]
+    assert f is not None and g is not None, "an estimate has terms"
+    if len(sums) == 1:
+        return h * f
+    q = f * f
+    return h * q / simd_math.sqrt(q + 0.01 * (g * g) + 1e-290)
