@@ -24,9 +24,16 @@ def unobserved(attractors: Sequence[Attractor]) -> bool:
 
 
 def with_full_residence(attractors: Sequence[Attractor]) -> tuple[Attractor, ...]:
-    """Return attractors to which the longest residence applies, for lack of observations."""
-    covers = [a.cover if a.cover is None else replace(a.cover, residence=None) for a in attractors]
-    return tuple(replace(a, cover=cover) for a, cover in zip(attractors, covers, strict=True))
+    """Return attractors to which the longest residence applies, for lack of observations of these orbits."""
+    return tuple(
+        a if a.cover is None or a.cover.residence is None else replace(a, cover=replace(a.cover, residence=None))
+        for a in attractors
+    )
+
+
+def is_same(one: Attractor, other: Attractor) -> bool:
+    """Tell whether one record was made from the other, perhaps with another residence."""
+    return one.points is other.points
 
 
 def with_residence(

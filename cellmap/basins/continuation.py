@@ -17,6 +17,7 @@ from .._lib.threads import progress_bar
 from ..attractors.continued import continue_attractors
 from ..attractors.labels import LABEL_NAMES
 from ..attractors.matching import persistent_labels, thinned
+from ..attractors.residence import is_same
 from ..attractors.search import affordable_period, find_attractors, region_extent
 from ..maps.coordinates import state_points, wrap
 from ..maps.grid import CellGrid
@@ -240,7 +241,7 @@ def _step(
     audited = (0, 0) if quick is None else (quick.audited, quick.differing)
     if quick is None or quick.differing:
         basins = find_basins(point_map, initial_conditions, *limits, attractors=known)
-        found = [*basins.attractors, *(a for a in known if not any(a is b for b in basins.attractors))]
+        found = [*basins.attractors, *(a for a in known if not any(is_same(a, b) for b in basins.attractors))]
         numbers, inaccurate = {k: f.count for k, f in basins.fractions.items()}, basins.inaccurate
         steps = basins.cost.steps
     else:

@@ -14,6 +14,7 @@ from .._lib.arrays import Floats
 from .._lib.stopping import Stop
 from ..attractors.continued import circles_followed, orbits_followed, with_regions
 from ..attractors.matching import persistent_labels, thinned
+from ..attractors.residence import is_same
 from ..attractors.search import find_attractors
 from ..maps.coordinates import difference
 from ..maps.interpolation.drafts import draft_of, examined
@@ -56,7 +57,7 @@ class Member:
 
     def identity_of(self, attractor: Attractor) -> int | None:
         """Return the identity of an attractor, None if it has none."""
-        return next((k for k, a in zip(self.identities, self.attractors, strict=True) if a is attractor), None)
+        return next((k for k, a in zip(self.identities, self.attractors, strict=True) if is_same(a, attractor)), None)
 
 
 class Family:

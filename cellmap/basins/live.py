@@ -245,7 +245,8 @@ class LiveBasins:
             gone = tuple(k for k in self._reported if k not in here) if frame.complete else ()
             if frame.complete:
                 self._reported = tuple(here)
-        numbers = tuple(place.identities[place.attractors.index(a)] for a in frame.basins.attractors)
+        identities = map(place.identity_of, frame.basins.attractors)
+        numbers = tuple(k for k in identities if k is not None)  # all have one
         return LiveFrame(
             frame.basins,
             frame.stride,

@@ -22,7 +22,7 @@ from ..attractors.chaos import examine
 from ..attractors.continua import joined_continua
 from ..attractors.examined import Examined
 from ..attractors.labels import LABEL_NAMES, Label
-from ..attractors.residence import OBSERVED, unobserved, with_residence
+from ..attractors.residence import OBSERVED, unobserved, with_full_residence, with_residence
 from ..attractors.search import region_extent, search, sort_out
 from ..attractors.settling import Settled
 from ..attractors.transients import Late, Reason, regular
@@ -135,8 +135,9 @@ class Run:
             point_map=point_map,
         )
 
-    def _sweeps(self, known: list[Attractor]) -> Iterator[int]:
+    def _sweeps(self, given: list[Attractor]) -> Iterator[int]:
         self.stop.check()
+        known = list(with_full_residence(given))  # what other orbits have shown says nothing of these
         total = len(self.initial_conditions)
         few = np.arange(total) if total <= _SAMPLE else np.random.default_rng(0).choice(total, _SAMPLE, replace=False)
         chosen = self.initial_conditions.wrapped(np.sort(few), self.point_map)

@@ -11,7 +11,7 @@ from cellmap import CellGrid, discrete_map, find_basins
 from cellmap.attractors.residence import with_full_residence, with_residence
 from cellmap.attractors.settling import RESIDENCE, Catalogue, classify
 from cellmap.attractors.wandering import representatives
-from cellmap.basins import load_basins, save_basins
+from cellmap.basins import LiveBasins, continue_basins, load_basins, save_basins
 from cellmap.maps.point_map import PointMap
 from systems import henon_map
 
@@ -71,3 +71,25 @@ def test_all_orbits_are_kept_where_some_are_not_chaotic_or_they_are_few():
     points[300:] = [0.631354477089505, 0.18940634312685142]  # the fixed point
     assert representatives(HENON, points, np.ones(2))[0].tolist() == list(range(600))
     assert representatives(HENON, points[:300], np.ones(2))[0].tolist() == list(range(300))
+
+
+def test_attractors_that_are_given_are_observed_on_the_orbits_to_be_labelled():
+    point_map, grid = CASES["Henon"]
+    basins = find_basins(point_map, grid)
+    (chaotic,) = basins.attractors
+    short = replace(chaotic, cover=replace(chaotic.cover, residence=1))
+    again = find_basins(point_map, grid, attractors=[short])
+    assert again.attractors[0].cover.residence == chaotic.cover.residence
+    assert np.array_equal(again.labels, basins.labels) and np.array_equal(again.settling_time, basins.settling_time)
+    few = find_basins(point_map, grid.centres().reshape(-1, 2)[::16], attractors=[short])
+    assert few.attractors[0].cover.residence is None
+    assert np.array_equal(few.labels, basins.labels.ravel()[::16])
+
+
+def test_an_attractor_whose_residence_is_observed_stays_one_attractor():
+    point_map, grid = CASES["Henon"]
+    sweep = continue_basins(point_map, "a", [1.4, 1.399], grid)
+    assert sweep.labels == (0, -2) and [list(found) for found in sweep.attractors] == [[0], [0]]
+    live = LiveBasins(point_map, grid, stride=4)
+    for _ in range(2):
+        assert live.image().identities == (0,)

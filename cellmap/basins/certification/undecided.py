@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._lib.arrays import Ints
+from ...attractors.residence import is_same
 from ...maps.orbit_batch import NOTHING
 from ...orbits.attractor import Attractor, sort_key
 from ..doubts import UnsettledWarning
@@ -51,7 +52,7 @@ class Search:
             found = find_basins(
                 exact_within(basins.point_map), points, attractors=known, progress=self.progress, **limits
             )
-        new = [a for a in found.attractors if not any(a is k for k in known)]
+        new = [a for a in found.attractors if not any(is_same(a, k) for k in known)]
         attractors = tuple(sorted([*known, *new], key=sort_key))
         labels, times = _renumbered(basins, attractors), basins.settling_time.copy()
         labels.ravel()[rows], times.ravel()[rows] = _renumbered(found, attractors), found.settling_time
@@ -65,7 +66,9 @@ class Search:
 
 def _renumbered(basins: Basins, attractors: Sequence[Attractor]) -> NDArray[np.int16]:
     """Return labels that number the same attractors in another sequence, which may have more of them."""
-    numbers = np.array([next(k for k, a in enumerate(attractors) if a is b) for b in basins.attractors], np.int16)
+    numbers = np.array(
+        [next(k for k, a in enumerate(attractors) if is_same(a, b)) for b in basins.attractors], np.int16
+    )
     labels = basins.labels.copy()
     labels[basins.labels >= 0] = numbers[basins.labels[basins.labels >= 0]]
     return labels
