@@ -20,6 +20,7 @@ LOOKED_AT = 256
 _REPRESENTATIVES = 8  # end points that are refined at a time because they lie far apart
 _SETTLING = 16  # ends that come back closest, among which as many are chosen
 _RETURNS = 4  # likely periods tried for each of them, besides 1,
+_SLOW = 1e-3  # unless it moves by less than this part of the extent in a period, and ever farther
 _IMAGES = 1800  # of the map, for each state where orbits begin, that regions of attractors may take,
 _AT_LEAST = 200_000  # and for all of few states
 _RETURNED = 0.2  # if they bring it back to within this part of the extent, or where derivatives cost more than periods,
@@ -131,7 +132,9 @@ def guesses_of(
     yield ends, np.ones(len(ends), np.int64)
     if longest_period > 1:
         closest = 2 + np.argsort(distance[1:], axis=0, kind="stable")[:_RETURNS]
-        close = np.take_along_axis(distance, closest - 1, axis=0) < (_CLOSE if many else _RETURNED)
+        returned = np.take_along_axis(distance, closest - 1, axis=0)
+        # One that moves slowly, and away, is beside a fixed point, or on its way to one.
+        close = (returned < (_CLOSE if many else _RETURNED)) & ((returned < distance[0]) | (distance[0] > _SLOW))
         rank, row = np.nonzero(close & ~_multiples(closest))
         if len(row):
             yield ends[row], closest[rank, row]

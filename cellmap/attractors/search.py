@@ -19,8 +19,9 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind, Neighbourhood, sort_key
 from ..orbits.newton import stable_orbit
 from .boxes import inside_cover
-from .chaos import Examination, examine
+from .chaos import Examination, evenly, examine
 from .continua import closed_orbits, continua, joined_continua
+from .creeping import creeping, drawn_to
 from .equilibria import sticking_sets
 from .examined import LOOKED_AT, Examined, guesses_of
 from .labels import LABEL_NAMES, Label
@@ -222,6 +223,8 @@ def sort_out(
             closed = closed_orbits(point_map, orbits.points, extent, longest_period, _LONGEST_AT_REST if last else 0)
             fresh = verified_cycles(point_map, closed, attractors, extent, examined)
             fresh = fresh or continua(point_map, closed, extent, attractors, examined.lines)
+        if not fresh and last:
+            fresh = _crept_to(point_map, orbits.points, extent, attractors, examined)
         if not fresh:
             break
         attractors = [*attractors, *fresh]
@@ -232,6 +235,20 @@ def sort_out(
         if patient and _many_settle(before, len(orbits)):
             break
     return orbits, attractors, owners
+
+
+def _crept_to(
+    point_map: PointMap, states: Floats, extent: Floats, known: Sequence[Attractor], examined: Examined
+) -> list[Attractor]:
+    """Return the continua to which some orbits creep, found from where they would come to rest."""
+    some = states[evenly(len(states))]
+    some = some[drawn_to(point_map, some, known) < 0]
+    slow = creeping(point_map.without_table, some, extent)
+    ends = slow.ends[slow.found]
+    if not len(ends):
+        return []
+    found = sticking_sets(point_map, ends, extent, known)
+    return found or continua(point_map, closed_orbits(point_map, ends, extent, 1), extent, known, examined.lines)
 
 
 def _many_settle(before: int, left: int) -> bool:

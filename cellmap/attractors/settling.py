@@ -201,10 +201,12 @@ def classify(
     rule: Rule | None = None,
     size: int = CHUNK,
     progress: str | None = None,
+    at_last: Callable[[Settled], Settled] | None = None,
 ) -> Classified:
     """Label points (n, d) on all threads, as many as `size` at a time; angles need not be wrapped.
 
-    With a rule an orbit is in a final state as soon as the rule says so, and no attractors are needed.
+    With a rule an orbit is in a final state as soon as the rule says so, and no attractors are needed.  ``at_last`` may
+    decide orbits that are left in another way.
     """
     parts = slices(len(points), size)
     labels: NDArray[Any] = np.empty(len(points), np.int16 if rule is None else np.int64)
@@ -216,6 +218,7 @@ def classify(
         orbits = Orbits.starting(wrap(points[part], point_map.coordinates))
         if rule is None:
             settled = settle(point_map, orbits, catalogue, periods)
+            settled = settled if at_last is None else at_last(settled)
         else:
             settled, *_ = _labelled(point_map, orbits, catalogue, periods, 0, 1, rule)
         labels[part], times[part], tallies[number] = settled.labels, settled.times, settled.tally

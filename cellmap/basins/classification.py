@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._lib.arrays import Floats, Ints
 from .._lib.checks import listed, real_array, shown, whole_number
+from ..attractors.creeping import settled_at_last
 from ..attractors.labels import LABEL_NAMES
 from ..attractors.search import check_attractors
 from ..attractors.settling import Catalogue, Classified, Rule, classify
@@ -54,7 +56,8 @@ class Labeller:
 
     def settle(self, points: Floats) -> Classified:
         """Return the labels and the settling times of points (n, dimension)."""
-        return classify(self.point_map, self.catalogue, points, self.max_periods, self.rule)
+        last = partial(settled_at_last, self.point_map, self.attractors, self.max_periods)
+        return classify(self.point_map, self.catalogue, points, self.max_periods, self.rule, at_last=last)
 
 
 def labeller(

@@ -252,7 +252,7 @@ class Run:
     ) -> Iterator[tuple[int, Settled]]:
         """Yield what becomes of tiles as they are completed."""
         stop = self.stop if self.client is None else None
-        until = now.restart_times, now.time_limit
+        until = now.restart_times, now.time_limit, now.time_limit >= self.max_periods
         work = Labelling(self.point_map, self.initial_conditions, now.attractors, *until, stop)
         bar = f"basins of {self.point_map.name}" if self.progress else None
         return completed(tiles, batch, work, self.client, bar)

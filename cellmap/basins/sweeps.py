@@ -11,6 +11,7 @@ from .._lib.arrays import Ints
 from .._lib.computed import computed_once
 from .._lib.stopping import Stop
 from .._lib.threads import slices
+from ..attractors.creeping import settled_at_last
 from ..attractors.examined import Examined
 from ..attractors.settling import Catalogue, Settled, settle
 from ..maps.orbit_batch import CHUNK, NOTHING, Orbits, Tally
@@ -71,8 +72,9 @@ class Labelling:
     """Labels of initial conditions after `time_limit` periods.
 
     ``restart_times``: periods after which the orbits of a tile were examined before and went on; where their states are
-    not kept, they are computed again with the same restarts, on which the iteration of an orbit may depend.  ``stop``:
-    a request to end before that, in this process.
+    not kept, they are computed again with the same restarts, on which the iteration of an orbit may depend.  ``last``:
+    whether none goes on, so that those that creep to a continuum are labelled; ``stop``: a request to end before that,
+    in this process.
     """
 
     point_map: PointMap
@@ -80,13 +82,15 @@ class Labelling:
     attractors: tuple[Attractor, ...]
     restart_times: tuple[int, ...]
     time_limit: int
+    last: bool = False
     stop: Stop | None = None
 
     def __call__(self, batch: Batch) -> Settled:
         """Return the labels of a tile."""
         # States are moved in place, and a tile that is lost begins again from the same ones.
         states = self._states(batch.rows) if batch.states is None else Orbits.joined([batch.states])
-        return self._settled(states, self.restart_times[-1] if self.restart_times else 0, self.time_limit)
+        settled = self._settled(states, self.restart_times[-1] if self.restart_times else 0, self.time_limit)
+        return settled_at_last(self.point_map, self.attractors, self.time_limit, settled) if self.last else settled
 
     def _states(self, rows: slice | Ints) -> Orbits:
         orbits = Orbits.starting(self.initial_conditions.wrapped(rows, self.point_map))

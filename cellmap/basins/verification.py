@@ -12,6 +12,7 @@ from .._lib.arrays import Bools, Floats
 from .._lib.binomial import binomial_interval
 from .._lib.randomness import Rng, random_numbers
 from .._lib.threads import run_over, slices
+from ..attractors.creeping import drawn_to
 from ..attractors.labels import Label
 from ..attractors.mixing import unmixed
 from ..attractors.search import find_attractors
@@ -120,6 +121,9 @@ def verified(
         nearer = _closest(exact, late.orbits, catalogue, period) < before[slow] * (1.0 - 1e-9)
         owners = settle(exact, late.orbits, catalogue, period).labels
         late.labels[slow] = np.where((owners >= 0) & nearer, owners, Label.UNDECIDED)
+        left = np.flatnonzero(late.labels[slow] == Label.UNDECIDED)
+        creep = drawn_to(exact, late.orbits.points[left], attractors)
+        late.labels[slow[left]] = np.where(creep >= 0, creep, Label.UNDECIDED)
         found[part.start + early.undecided] = late.labels
 
     run_over(slices(len(drawn), CHUNK // 8), label)

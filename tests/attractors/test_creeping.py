@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, Label, angle, discrete_map, find_basins
-from cellmap.attractors.creeping import creeping
+from cellmap.attractors.continua import closed_orbits, continua
+from cellmap.attractors.creeping import creeping, drawn_to
 from cellmap.basins import UnsettledWarning
 from cellmap.basins.doubts import _creep
 from cellmap.maps import PointMap
-from cellmap.orbits import Kind
+from cellmap.orbits import Attractor, Kind
 
 ONE = np.ones(1)
 NEUTRAL = discrete_map(lambda x, p: (x[0] - x[0] ** 3,), {}, ("x",))
@@ -91,3 +92,50 @@ def test_the_warning_names_where_orbits_creep_to() -> None:
     what = _creep(replace(found, labels=labels, settings={**found.settings, "max_periods": 300}))
     move = f"{0.0005 * 0.9995**300 * near.mean():.1g}"
     assert what == f", by about {move} in a period, many of them towards fixed point (0)"
+
+
+def beside_a_segment(x, p):
+    """Fixed points on y = 0.6 x for |x| <= 1; beyond, x slips by what the square of the excess says."""
+    beyond = max(x[0] - 1.0, 0.0) + min(x[0] + 1.0, 0.0)
+    return x[0] - p.c * beyond * abs(beyond) * (abs(beyond) - p.node), 0.5 * x[1] + 0.3 * x[0]
+
+
+def segment_and_beside(node: float, c: float, *excess: float) -> tuple[PointMap, list[Attractor], np.ndarray]:
+    """Return the map, its segment, and states beside its ends."""
+    point_map, size = discrete_map(beside_a_segment, {"c": c, "node": node}, ("x", "y")), np.full(2, 2.0)
+    on = np.linspace(-0.9, 0.9, 7)
+    segment = continua(point_map, closed_orbits(point_map, np.column_stack([on, 0.6 * on]), size, 1), size)
+    x = np.array([1.0, -1.0]) * (1.0 + np.array(excess)[:, None])
+    return point_map, segment, point_map.iterate(np.column_stack([x.ravel(), 0.6 * x.ravel()]), 40).points
+
+
+def test_orbits_are_drawn_to_the_ends_of_a_segment() -> None:
+    """Those beside it slip by c node e^2 at an excess e, which is 1/(c node n) after n periods, and never 0.
+
+    After 40,000 periods all are closer than 1e-4 to the segment, at its ends.
+    """
+    point_map, segment, states = segment_and_beside(-1.0, 0.5, 0.0005, 0.001, 0.002, 0.004)
+    assert [a.kind for a in segment] == [Kind.CONTINUUM]
+    assert (drawn_to(point_map, states, segment) == 0).all()
+    late = np.abs(point_map.iterate(states, 40_000).points[:, 0]) - 1.0
+    assert ((late > 0.0) & (late < 1e-4)).all()
+
+
+def test_orbits_are_not_drawn_beyond_a_node() -> None:
+    """Between the segment and orbits beyond 1.02 there is a node, of multiplier 1 - c/2500, to which all come."""
+    point_map, segment, states = segment_and_beside(0.02, 10.0, 0.006, 0.018, 0.022, 0.026, 0.032)
+    assert [a.kind for a in segment] == [Kind.CONTINUUM]
+    assert creeping(point_map, states, np.full(2, 2.0)).found.any()
+    assert np.abs(point_map.iterate(states, 20_000).points[:, 0]) == pytest.approx(1.02, abs=1e-6)
+    assert (drawn_to(point_map, states, segment) == -1).all()
+
+
+def test_basins_of_a_segment_hold_what_creeps_to_its_ends() -> None:
+    """Of 64 values of x beyond the ends all creep; after 100 periods none of them is on the segment."""
+    x = np.concatenate([np.linspace(-0.9, 0.9, 16), *(s * np.linspace(1.01, 1.3, 32) for s in (1.0, -1.0))])
+    point_map = discrete_map(beside_a_segment, {"c": 0.5, "node": -1.0}, ("x", "y"))
+    found = find_basins(point_map, np.column_stack([x, 0.6 * x]), 100)
+    assert [a.kind for a in found.attractors] == [Kind.CONTINUUM]
+    assert (found.labels == 0).all()
+    assert (np.abs(point_map.iterate(found.initial_conditions[16:], 100).points[:, 0]) > 1.0).all()
+    assert found.verify(32).wrong == 0

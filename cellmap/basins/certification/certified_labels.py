@@ -13,8 +13,9 @@ from ..._lib.arrays import Bools, Floats, Ints
 from ..._lib.randomness import random_numbers
 from ..._lib.threads import run_over, slices
 from ...attractors.boxes import inside_cover
+from ...attractors.creeping import settled_at_last
 from ...attractors.labels import Label
-from ...attractors.settling import classify, settle
+from ...attractors.settling import Settled, classify, settle
 from ...maps.coordinates import wrap
 from ...maps.grid import Locator
 from ...maps.orbit_batch import CHUNK, NOTHING, Orbits, Tally
@@ -162,10 +163,13 @@ class CertifiedLabels:
         rows, orbits, age = left.rows[new], left.orbits[new], left.age
         if self.setting.catalogue.covers or len(self.setting.overhangs):
             orbits, age = Orbits.starting(self.initial_conditions.wrapped(rows, self.setting.exact)), 0
-        settled = settle(self.setting.exact, orbits, self.setting.catalogue, self.periods - age, age)
+        settled = self._at_last(settle(self.setting.exact, orbits, self.setting.catalogue, self.periods - age, age))
         changed = settled.labels != self.labels[rows]
         self.labels[rows[changed]], self.times[rows[changed]] = settled.labels[changed], settled.times[changed]
         return settled.tally
+
+    def _at_last(self, settled: Settled) -> Settled:
+        return settled_at_last(self.setting.exact, self.setting.catalogue.attractors, self.periods, settled)
 
     @np.errstate(invalid="ignore", over="ignore")  # errors that have grown too large may grow beyond all bounds
     def _follow(self, point_map: PointMap, rows: Ints, errors: Floats, mark: Evidence) -> tuple[list[_Left], Tally]:
@@ -237,7 +241,13 @@ class CertifiedLabels:
         setting, bar = self.setting, f"integrating {self.name}" if self.progress else None
         initial_conditions = self.initial_conditions.points(rows)
         found = classify(
-            setting.exact, setting.catalogue, initial_conditions, self.periods, size=CHUNK // 64, progress=bar
+            setting.exact,
+            setting.catalogue,
+            initial_conditions,
+            self.periods,
+            size=CHUNK // 64,
+            progress=bar,
+            at_last=self._at_last,
         )
         self.tally = self.tally.plus(found.tally)
         return found.labels
