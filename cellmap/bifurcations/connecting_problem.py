@@ -62,18 +62,18 @@ class ConnectingProblem:
         unit, places = self.scale[:d], np.concatenate([[0, 1], np.arange(3, n)])
         residual = np.zeros(n * d)
         jacobian = np.zeros((n * d, n * d + m))
-        for k, place in enumerate(places.tolist()):
-            rows = slice(k * d, (k + 1) * d)
-            residual[rows] = moved[k] / unit
-            jacobian[rows, k * d : (k + 1) * d] += slopes[k, :, :d] * unit / unit[:, None]
-            jacobian[rows, place * d : (place + 1) * d] -= np.eye(d)
-            jacobian[rows, n * d :] = slopes[k, :, d:] * self.scale[n * d :] / unit[:, None]
+        at, rows = (n - 1) * d, np.arange(n - 1)
+        blocks = np.zeros((n - 1, d, n, d))
+        blocks[rows, :, rows] = slopes[:-1, :, :d] * unit / unit[:, None]
+        blocks[rows, :, places] -= np.eye(d)
+        residual[:at] = (moved / unit).ravel()
+        jacobian[:at, : n * d] = blocks.reshape(at, n * d)
+        jacobian[:at, n * d :] = (slopes[:-1, :, d:] * self.scale[n * d :] / unit[:, None]).reshape(at, m)
         # The image of p is compared with p itself, that of q with q; those of the orbit with its next points.
         inside = self._left(slopes[0, :, :d], False)
         outside = self._left(slopes[1, :, :d], True)
         first = difference(states[2, :d], states[0, :d], self.swept.coordinates[:d]) / unit
         last = difference(states[-1, :d], states[1, :d], self.swept.coordinates[:d]) / unit
-        at = (n - 1) * d
         residual[at : at + len(inside)] = inside @ first
         jacobian[at : at + len(inside), 2 * d : 3 * d] = inside
         jacobian[at : at + len(inside), :d] = -inside

@@ -13,6 +13,7 @@ from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.kernels.labelling import DISCRETE, FLOW, NOT_COMPILED, Step, record
 from .._compiled.kernels.periods import Discrete, iterate
 from .._lib.arrays import Floats, Ints
+from .._lib.computed import computed_once
 from .._lib.stopping import check_stop
 from .integration import Flow
 from .orbit_batch import Orbits, portions
@@ -85,17 +86,21 @@ class DiscreteAdvance(CompiledAdvance):
     lower: Floats
     turn: Floats
 
+    @computed_once
+    def function(self) -> Discrete:
+        """The compiled function, with its parameters."""
+        return Discrete(self.kernel.address, self.kernel.context, self.parameters, self.bound)
+
     @property
     def step(self) -> Step:
         """Applications of the compiled function."""
-        function = Discrete(self.kernel.address, self.kernel.context, self.parameters, self.bound)
-        return UNKNOWN_STEP._replace(kind=DISCRETE, discrete=function, lower=self.lower, turn=self.turn)
+        return UNKNOWN_STEP._replace(kind=DISCRETE, discrete=self.function, lower=self.lower, turn=self.turn)
 
     def __call__(self, orbits: Orbits, periods: int = 1) -> None:
         """Move a batch of orbits on by some applications, in place."""
         state = (orbits.points, orbits.rotations, orbits.status)
         for some in portions(periods, len(orbits)):
-            orbits.work.evaluations += iterate(self.step.discrete, *state, self.lower, self.turn, some)
+            orbits.work.evaluations += iterate(self.function, *state, self.lower, self.turn, some)
 
 
 def recorded(

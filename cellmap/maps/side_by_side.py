@@ -20,8 +20,7 @@ def advance_on_threads(advance: Callable[[Orbits, int], None], orbits: Orbits, p
 
     An image does not depend on the orbits beside it, and so neither on where a batch is cut.
     """
-    threads = thread_count()
-    if threads == 1 or len(orbits) < _TRIED + 2 * _FEWEST:
+    if len(orbits) < _TRIED + 2 * _FEWEST or (threads := thread_count()) == 1:
         advance(orbits, periods)
         return
     began = time.perf_counter()

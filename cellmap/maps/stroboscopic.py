@@ -160,20 +160,20 @@ class Stroboscopic(MapSpec[PointMap]):
 
     def make(self) -> PointMap:
         """Return the map, without its specification."""
-        system, motion = self.system, self.motion
+        system, motion, dimension = self.system, self.motion, self.system.dimension
         lower, turn = turns_of(system.axes)
 
         def tangent(points: Floats) -> tuple[Floats, Floats]:
             found = derivatives_of(system.name, self._tangent_motion)
-            return tangent_by_lanes(found, points, system.dimension, together=found.vectors)
+            return tangent_by_lanes(found, points, dimension, together=found.vectors)
 
         def coarse_tangent(points: Floats) -> tuple[Floats, Floats]:
             found = derivatives_of(system.name, self._coarse_motion)
-            return tangent_by_lanes(found, points, system.dimension, together=found.vectors)
+            return tangent_by_lanes(found, points, dimension, together=found.vectors)
 
         def stretch(orbits: Orbits, frames: Floats, periods: int) -> Floats:
             found = derivatives_of(system.name, self._coarse_motion)
-            if found.vectors != system.dimension:
+            if found.vectors != dimension:
                 raise NotDifferentiableError(f"{system.name} has too many states for its frames to be in one lane")
             return stretched_by_flow(found, orbits, frames, lower, turn, periods)
 

@@ -75,12 +75,11 @@ def tangent(
     if of_states is not None:
         derivative = functools.partial(of_states, directions=k)
     place = np.array(points, dtype=float).reshape(-1, d)
-    total = np.broadcast_to(np.eye(k), (len(place), k, k)).copy()
-    rounds = np.broadcast_to(periods, points.shape[:-1]).ravel()
-    alike = np.ndim(periods) == 0
-    for q in range(int(rounds.max(initial=0))):
+    total = _identities(len(place), k)
+    rounds = None if np.ndim(periods) == 0 else np.broadcast_to(periods, points.shape[:-1]).ravel()
+    for q in range(int(periods if rounds is None else rounds.max(initial=0))):
         check_stop()
-        rows = slice(None) if alike else np.flatnonzero(rounds > q)
+        rows = slice(None) if rounds is None else np.flatnonzero(rounds > q)
         wrapped = wrap(place[rows], exact.coordinates)
         images, matrices = _one_step(exact, wrapped, derivative)
         place[rows] += images - wrapped
@@ -136,6 +135,12 @@ def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> Floats
     return tangent(exact, initial_conditions, whole_number("periods", periods), coarse=True)[1]
 
 
+def _identities(number: int, size: int) -> Floats:
+    found = np.zeros((number, size, size))
+    found[:, range(size), range(size)] = 1.0
+    return found
+
+
 def _one_step(
     exact: PointMap, points: Floats, derivative: Callable[[Floats], tuple[Floats, Floats]] | None
 ) -> tuple[Floats, Floats]:
@@ -145,6 +150,8 @@ def _one_step(
         except NotDifferentiableError:
             pass
         else:
+            if np.isfinite(matrices).all():
+                return images, matrices
             lost = ~np.isfinite(matrices).all(axis=(-2, -1)) & np.isfinite(points).all(axis=-1)
             if lost.any():  # the derivative of the right-hand side has a pole, as at the border of a root
                 images[lost] = follow(exact, points[lost], 1).unwrapped

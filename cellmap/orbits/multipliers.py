@@ -30,13 +30,13 @@ def multipliers_of(matrices: Floats, determinants: Floats | None = None) -> Comp
     """
     d = matrices.shape[-1]
     finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
-    known = np.where(finite[..., None, None], matrices, np.eye(d))
+    known = matrices if finite.all() else np.where(finite[..., None, None], matrices, np.eye(d))
     if d == 2 and determinants is not None:
         found = _of_two(known, determinants)
     else:
         found = np.linalg.eigvals(known).astype(np.complex128)
     order = np.lexsort((-found.imag, -found.real, -np.round(np.abs(found), 12)), axis=-1)
-    found = np.take_along_axis(found, order, axis=-1)
+    found = found[order] if found.ndim == 1 else np.take_along_axis(found, order, axis=-1)
     found[~finite] = complex(np.nan, np.nan)
     return found
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from .._lib.arrays import Bools, Complexes, Floats, Ints
 from .._lib.checks import known_parameter
+from .._lib.computed import computed_once
 from ..maps.coordinates import difference, shortest, turns_of, wrap
 from ..maps.parameters_as_states import Swept, swept_map
 from ..maps.point_map import PointMap
@@ -53,12 +54,12 @@ class OrbitProblem:
         """Number of states that are unknown."""
         return self.states // self.dimension
 
-    @property
+    @computed_once
     def around(self) -> Floats:
         """Periods of the state variables that are angles, 0 for the others."""
         return turns_of(self.point_map.coordinates)[1]
 
-    @property
+    @computed_once
     def circles(self) -> Floats:
         """Periods of the unknowns in their units, 0 for those that are not angles."""
         turns = np.tile(self.around, self.states // self.dimension)
