@@ -28,6 +28,8 @@ from .sieves import sieve_of
 RESIDENCE = 64
 """Consecutive periods inside the cover of a chaotic attractor after which an orbit counts as converged, at most."""
 
+MOST_ATTRACTORS = int(np.iinfo(np.int16).max)
+
 _PART = 128  # orbits of a thread at a time, where few are followed
 _UNSEEN = 64  # most periods at a time where nothing can capture an orbit
 
@@ -47,7 +49,18 @@ class Catalogue:
 
     @classmethod
     def of(cls, attractors: Sequence[Attractor], point_map: PointMap) -> Catalogue:
-        """Collect the neighbourhoods and covers of attractors."""
+        """Collect the neighbourhoods and covers of attractors.
+
+        Raises
+        ------
+        ValueError
+            For more attractors than labels can distinguish.
+        """
+        if len(attractors) > MOST_ATTRACTORS:
+            raise ValueError(
+                f"attractors: {len(attractors):,} are more than the {MOST_ATTRACTORS:,} that labels of 16 bits "
+                "distinguish; take fewer initial conditions, or groups of alike orbits by classify_by_features"
+            )
         d, turn = point_map.dimension, turns_of(point_map.coordinates)[1]
         regions = [(k, a.neighbourhood) for k, a in enumerate(attractors) if a.neighbourhood is not None]
         covers = tuple(
