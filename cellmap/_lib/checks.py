@@ -6,9 +6,11 @@ import errno
 import functools
 import logging
 import os
+import re
 import shutil
 import sys
 import warnings
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from keyword import iskeyword
 from math import isfinite, nan
@@ -210,15 +212,50 @@ class Parameters(dict[str, float]):
 
 
 def parameter_values(params: Mapping[str, Any]) -> dict[str, float]:
-    """Return parameters as floats, in the order given."""
+    """Return parameters as floats, in the order given: an array K as its entries, by names such as "K[0, 1]"."""
     if not isinstance(params, Mapping):
         raise TypeError(f"params={shown(params)}: give a mapping of names to numbers, such as {{'delta': 0.15}}")
     for name in params:
-        if not isinstance(name, str) or not name.isidentifier() or iskeyword(name) or name.startswith("_"):
+        base = name.partition("[")[0] if isinstance(name, str) and _ENTRY.fullmatch(name) else name
+        if not isinstance(base, str) or not base.isidentifier() or iskeyword(base) or base.startswith("_"):
             raise ValueError(
                 f"params has the name {name!r}: give Python identifiers, no keywords, without a leading underscore"
             )
-    return Parameters({name: finite_number(f"params[{name!r}]", value) for name, value in params.items()})
+    flat = parameter_entries(params)
+    return Parameters({name: finite_number(f"params[{name!r}]", value) for name, value in flat.items()})
+
+
+_ENTRY = re.compile(r"[^\W\d]\w*\[\d+(, \d+)*\]")
+
+
+def parameter_entries(params: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters with each NumPy array as its entries."""
+    flat: dict[str, Any] = {}
+    for name, value in params.items():
+        if isinstance(value, np.ndarray) and value.ndim:
+            flat |= {f"{name}[{', '.join(map(str, place))}]": value[place] for place in np.ndindex(value.shape)}
+        else:
+            flat[name] = value
+    return flat
+
+
+def changed_parameters(params: Mapping[str, float], changes: Mapping[str, Any], what: str) -> dict[str, Any]:
+    """Return the entries of changes, all of which must be those of a system or map (`what`)."""
+    flat = parameter_entries(changes)
+    if unknown := flat.keys() - params.keys():
+        raise ValueError(f"params has no {sorted(unknown)}: this {what} has {sorted(params)}")
+    for name, value in changes.items():
+        own = sum(known.startswith(f"{name}[") for known in params)
+        if isinstance(value, np.ndarray) and value.ndim and value.size != own:
+            raise ValueError(f"{name} has the shape {value.shape}: this {what} has {own} entries of it, give them all")
+    return flat
+
+
+def parameters_in_words(params: Mapping[str, float]) -> str:
+    """Return names and values on a line; of arrays the number of entries."""
+    entries = Counter(name.partition("[")[0] for name in params if "[" in name)
+    numbers = [f"{name}={value:g}" for name, value in params.items() if "[" not in name]
+    return ", ".join([*numbers, *(f"{name}: {count} entries" for name, count in entries.items())])
 
 
 def warn_caller(message: str, category: type[Warning] = UserWarning) -> None:

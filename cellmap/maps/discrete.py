@@ -45,8 +45,8 @@ def discrete_map(
     function : callable
         Pure function ``function(x, p)`` of the tuple of state variables and the named tuple of parameters; returns the
         tuple of images.  Angles need not be wrapped.
-    params : mapping of str to float
-        Parameters by name.
+    params : mapping of str to float or ndarray
+        Parameters by name; entries of arrays have names such as "K[0, 1]".
     coordinates : sequence of str or Coordinate
         State variables.
     name : str, optional

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .._compiled.codegen.trace import parameter_record
+from .._compiled.codegen.trace import entry_of, parameter_record
 from .._lib.checks import known_parameter
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
@@ -236,10 +236,15 @@ def swept_function(
 def _reader(dimension: int, all_names: tuple[str, ...], names: tuple[str, ...]) -> Callable[..., Any]:
     """Return the function that makes the record of all parameters, of which some are read from the state."""
     record = parameter_record(all_names)
-    places = tuple(dimension + names.index(name) if name in names else -1 for name in all_names)
+    entries = [entry_of(name) for name in all_names]
+    fields = list(dict.fromkeys(base for base, _ in entries))
+    places = tuple(
+        (dimension + names.index(name) if name in names else -1, fields.index(base), entry)
+        for name, (base, entry) in zip(all_names, entries, strict=True)
+    )
 
     def with_swept(x: Sequence[float], p: Any) -> Any:
-        return record(*[p[k] if place < 0 else x[place] for k, place in enumerate(places)])
+        return record(*[x[k] if k >= 0 else p[field][entry] if entry else p[field] for k, field, entry in places])
 
     return with_swept
 

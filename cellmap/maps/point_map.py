@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._compiled.kernels.blocks import wrap_rows
 from .._lib.arrays import Floats, Ints
-from .._lib.checks import claim_memory, warn_caller, whole_number
+from .._lib.checks import changed_parameters, claim_memory, parameters_in_words, warn_caller, whole_number
 from .._lib.randomness import Rng, random_numbers
 from .._lib.records import ShownAsHtml
 from .._lib.signatures import checked
@@ -137,7 +137,7 @@ class PointMap(ShownAsHtml):
     spec: MapSpec[PointMap] | None = field(default=None, init=False, repr=False)
 
     def __repr__(self) -> str:
-        values = ", ".join(f"{k}={v:g}" for k, v in self.params.items())
+        values = parameters_in_words(self.params)
         unknown = f"; formulas unknown, {self.unknown_formulas}" if self.unknown_formulas else ""
         return f"PointMap({self.recipe['kind']} of {self.name}: {values}{unknown})"
 
@@ -164,7 +164,7 @@ class PointMap(ShownAsHtml):
         """Number of state variables."""
         return len(self.coordinates)
 
-    def with_params(self, **changes: float) -> PointMap:
+    def with_params(self, **changes: ArrayLike) -> PointMap:
         """Return the map with some parameters changed; an interpolated map is computed again.
 
         Raises
@@ -172,10 +172,8 @@ class PointMap(ShownAsHtml):
         ValueError
             For a name that the map does not have, or a map that was built without parameter dependence.
         """
-        unknown = changes.keys() - self.params.keys()
-        if unknown:
-            raise ValueError(f"params has no {sorted(unknown)}: this map has {sorted(self.params)}")
-        return self.specified.with_params({**self.params, **changes}).build()
+        entries = changed_parameters(self.params, changes, "map")
+        return self.specified.with_params({**self.params, **entries}).build()
 
     @property
     def specified(self) -> MapSpec[PointMap]:

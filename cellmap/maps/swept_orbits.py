@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .._compiled.codegen.rebind import over_arrays
-from .._compiled.codegen.trace import parameter_record
+from .._compiled.codegen.trace import entry_of, parameter_record
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import shown
 from .parameters_as_states import swept_map
@@ -155,10 +155,12 @@ def _cycles(spec: Section, names: tuple[str, ...], samples: int, finest: float) 
     swept, system = finer.swept(names), spec.system
     if swept is None:
         raise TypeError(f"system={system!r}: measures over returns need a right-hand side that can be traced")
-    own = parameter_record(tuple(system.params))
+    own, places = parameter_record(tuple(system.params)), [entry_of(name) for name in system.params]
+    fields = list(dict.fromkeys(base for base, _ in places))
+    entries = tuple((fields.index(base), entry) for base, entry in places)
 
     def rhs(t: Any, x: Any, p: Any) -> Any:
-        return system.rhs(t, x, own(*tuple(p)[:-1]))
+        return system.rhs(t, x, own(*[p[field][entry] if entry else p[field] for field, entry in entries]))
 
     timed = ForcedSystem(rhs, {**system.params, "T_": 1.0}, lambda p: p.T_, system.axes, system.name)
     strobe = Stroboscopic(timed, 0.0, finer.rtol, finer.atol, "auto", spec.max_steps).swept((*names, "T_"))

@@ -15,7 +15,16 @@ from .._compiled.codegen.expression import ImpureError
 from .._compiled.codegen.rebind import over_arrays
 from .._compiled.codegen.trace import State, StateChangedError, parameter_record
 from .._lib.arrays import Floats
-from .._lib.checks import finite_number, finite_points, parameter_values, real_array, shown, text
+from .._lib.checks import (
+    changed_parameters,
+    finite_number,
+    finite_points,
+    parameter_values,
+    parameters_in_words,
+    real_array,
+    shown,
+    text,
+)
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates
@@ -49,8 +58,9 @@ class ForcedSystem:
         Pure function ``rhs(t, x, p)`` of time, the tuple of state variables and the named tuple of parameters; returns
         the tuple of derivatives.  Write it with :mod:`math` and plain arithmetic.  With `switches` it is
         ``rhs(t, x, p, s)``, where s is the tuple of their signs.
-    params : mapping of str to float
-        Parameters by name; the right-hand side reads them as ``p.name``.
+    params : mapping of str to float or ndarray
+        Parameters by name; the right-hand side reads them as ``p.name``.  Entries of arrays, ``p.K[0, 1]``, are
+        parameters with names such as "K[0, 1]".
     period : float or callable
         Period of the forcing, in the unit of t, or a function of the parameters that returns it (for a period that
         depends on a parameter).
@@ -121,7 +131,7 @@ class ForcedSystem:
         self._try_impacts()
 
     def __repr__(self) -> str:
-        values = ", ".join(f"{k}={v:g}" for k, v in self.params.items())
+        values = parameters_in_words(self.params)
         shorter = self.shortest_period
         times = f", {self.length / shorter:.0f} times the shortest" if 0.0 < shorter < self.length else ""
         return f"ForcedSystem({self.name}: {values}; period {self.length:g}{times})"
@@ -204,7 +214,7 @@ class ForcedSystem:
         """Parameters as the named tuple that the right-hand side receives."""
         return parameter_record(tuple(self.params))(*self.params.values())
 
-    def with_params(self, **changes: float) -> ForcedSystem:
+    def with_params(self, **changes: ArrayLike) -> ForcedSystem:
         """Return the system with some parameters changed.
 
         Raises
@@ -212,10 +222,8 @@ class ForcedSystem:
         ValueError
             For a name that the system does not have.
         """
-        unknown = changes.keys() - self.params.keys()
-        if unknown:
-            raise ValueError(f"params has no {sorted(unknown)}: this system has {sorted(self.params)}")
-        return replace(self, params={**self.params, **changes})
+        entries = changed_parameters(self.params, changes, "system")
+        return replace(self, params={**self.params, **entries})
 
     def signs(self, t: float, x: Sequence[float]) -> tuple[float, ...]:
         """Return the signs of the switching functions at one time and state: -1, 1, and 0 on a surface."""

@@ -126,8 +126,41 @@ def _is_meant(error: Exception) -> bool:
 
 @functools.lru_cache(maxsize=256)
 def parameter_record(names: tuple[str, ...]) -> Any:
-    """Return the named tuple for parameters of these names, always the same one."""
-    return namedtuple("Parameters", names)
+    """Return the named tuple for parameters of these names, always the same one.
+
+    Entries of arrays, with names such as "K[0, 1]", are given one by one and are arrays K in the tuple.
+    """
+    bases = tuple(dict.fromkeys(name.partition("[")[0] for name in names))
+    if bases == names:
+        return namedtuple("Parameters", names)
+    return _WithArrays(parameter_record(bases), names)
+
+
+class _WithArrays:
+    """Maker of records of parameters, some of which are entries of arrays."""
+
+    def __init__(self, record: Any, names: tuple[str, ...]) -> None:
+        self.record, self.places = record, [entry_of(name) for name in names]
+        found = {base: [i for name, i in self.places if name == base] for base in record._fields}
+        self.shapes = {base: tuple(max(k) + 1 for k in zip(*found[base], strict=True)) for base in found}
+        if any(found[base] != list(np.ndindex(self.shapes[base])) for base in found):
+            raise ValueError(f"params has entries of arrays, but not all of them in order: {', '.join(names)}")
+
+    def __call__(self, *values: Any) -> Any:
+        kind = float if all(isinstance(v, int | float) for v in values) else object
+        fields: dict[str, Any] = {base: np.empty(shape, kind) for base, shape in self.shapes.items() if shape}
+        for (base, place), value in zip(self.places, values, strict=True):
+            if place:
+                fields[base][place] = value
+            else:
+                fields[base] = value
+        return self.record(**fields)
+
+
+def entry_of(name: str) -> tuple[str, tuple[int, ...]]:
+    """Return the name of a parameter, and the indices where it is an entry of an array, such as "K[0, 1]"."""
+    base, _, indices = name.partition("[")
+    return base, tuple(int(i) for i in indices.rstrip("]").split(", ")) if indices else ()
 
 
 def trace(function: Callable[..., Sequence[Any]], dimension: int, parameters: Sequence[str]) -> Trace:
