@@ -221,9 +221,7 @@ def test_effort_of_a_search_in_chaos():
 def test_an_orbit_is_examined_once(r, monkeypatch):
     """One that gets no neighbourhood is met at every look, from many ends and as each of its points."""
     examined = []
-    monkeypatch.setattr(
-        "cellmap.attractors.search.trapping_neighbourhood", lambda point_map, a, extent: examined.append(a)
-    )
+    monkeypatch.setattr("cellmap.attractors.search.trapping_neighbourhood", lambda point_map, a, *_: examined.append(a))
     logistic = discrete_map(lambda x, p: (p.r * x[0] * (1.0 - x[0]),), {"r": r}, ("x",))
     assert find_attractors(logistic, np.linspace(0.03, 0.97, 30)[:, None]) == ()
     assert len(examined) == 1
