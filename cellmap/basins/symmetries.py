@@ -72,6 +72,7 @@ class SymmetricGroups(ConvertsToXarray, ConvertsToDataFrame):
         by = ", ".join(self.symmetries) or "no symmetry"
         return f"SymmetricGroups({count} attractors in {len(self.groups)} groups, by {by}; {len(self.missing)} missing)"
 
+    @checked
     def group_of(self, label: int) -> int:
         """Return the number of the group of an attractor.
 

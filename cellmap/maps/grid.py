@@ -242,7 +242,7 @@ def between(lower: ArrayLike, upper: ArrayLike, cells: ArrayLike, numbers: Array
 
 def grid_points(axes: Sequence[Floats], part: slice | Ints) -> Floats:
     """Return some points of the product of axes, by their flat row-major numbers; shape (n, dimension)."""
-    rows = np.empty(0, np.int64) if isinstance(part, slice) else np.ascontiguousarray(part, np.int64)
+    rows = np.empty(0, np.int64) if isinstance(part, slice) else np.require(part, np.int64, ("C", "A"))
     begin, count = (part.start, part.stop - part.start) if isinstance(part, slice) else (0, len(part))
     points = np.empty((count, len(axes)))
     product_rows(np.concatenate(axes), np.array([len(axis) for axis in axes], np.int64), begin, rows, points)

@@ -53,7 +53,7 @@ def tangent_by_lanes(
     advance_on_threads(lambda some, _: tangent_step(some), orbits, 1)
     result = orbits.points.reshape(states.shape)
     images = result[:, 0, 0].reshape(points.shape)
-    vectors = result[:, :, 1:].reshape(len(flat), -1, d)[:, :k]
+    vectors = result[:, :, 1:].reshape(len(flat), lanes * together, d)[:, :k]
     return images, vectors.transpose(0, 2, 1).reshape(*points.shape, k)
 
 

@@ -35,7 +35,16 @@ NO_FIGURE = {
     *("Attractor", "Bifurcation", "CodimensionTwo", "ConnectingOrbit", "FunctionZero", "OrbitFunction"),
     *("PeriodicOrbit", "PointMap", "Refinement", "Tangency"),
     *("BranchSearch", "Cascade", "CodimensionTwoCurve", "CodimensionTwoForm", "Coordinate", "CriticalValue"),
-    *("FloquetResult", "Iterate", "NormalForm", "OrbitClusters", "SectionMap", "SubdivisionSearch", "TangencyCurve"),
+    *(
+        "FloquetResult",
+        "Iterate",
+        "NormalForm",
+        "OrbitClusters",
+        "RandomStates",
+        "SectionMap",
+        "SubdivisionSearch",
+        "TangencyCurve",
+    ),
 }
 """Records that functions return, and that have no figure."""
 
@@ -88,7 +97,7 @@ def results():
 def test_every_record_with_a_figure_is_drawn_by_it():
     """Each function of `plot` but `draw` and `animate` draws what `draw` hands to it, and no record is forgotten."""
     known = figures()
-    second = {"phase_portrait", "invariant_measure", "eigenvector"}  # of records that have another figure
+    second = {"phase_portrait", "invariant_measure", "eigenvector", "fractions"}  # of records that have another figure
     assert {function.__name__ for function in known.values()} | second == set(plot.__all__) - {"draw", "animate"}
     public = {name: getattr(room, name) for room in map(room_of, ROOMS) for name in room.__all__}
     records = {name for name, member in public.items() if inspect.isclass(member) and makers(member)}
