@@ -19,7 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "--gallery", default="systems.gallery", help="module with a list GALLERY of systems (default: %(default)s)"
     )
     parser.add_argument(
-        "--equations", metavar="FILE", help="file with equations, as text or in Python, which are shown first"
+        "--equations", metavar="FILE", help="text file with equations, which are shown first"
     )
     options = parser.parse_args(arguments)
     try:

@@ -17,7 +17,9 @@ LONGEST = 250
 """Operations of formulas that are written in full; in longer ones parts that occur several times have names."""
 
 _GREEK = "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau phi chi psi omega"
-_LETTERS = dict(zip(_GREEK.split(), "αβγδεζηθικλμνξπρστφχψω", strict=True))
+LETTERS = dict(zip(_GREEK.split(), "αβγδεζηθικλμνξπρστφχψω", strict=True))
+"""Greek letters by their names."""
+
 _FEW = 4  # nodes of a part that is written again rather than named
 _SUM, _PRODUCT, _POWER, _ATOM = range(4)  # how strongly a formula holds together
 _SPACE = '<mspace width="0.2em"/>'
@@ -36,8 +38,27 @@ def named(name: str) -> str:
         return f"<mover>{named(name[:-1])}<mo>˙</mo></mover>"
     stem = name.rstrip("0123456789")
     index, stem = name[len(stem) :], stem.rstrip("_") or stem
-    symbol = f"<mi>{escape(_LETTERS.get(stem, stem.replace('_', ' ')))}</mi>"
+    symbol = f"<mi>{escape(LETTERS.get(stem, stem.replace('_', ' ')))}</mi>"
     return f"<msub>{symbol}<mn>{index}</mn></msub>" if index and stem else symbol
+
+
+def symbol(name: str) -> str:
+    """Return a name as text: Greek letters, indices, and dots of derivatives.
+
+    Examples
+    --------
+    >>> symbol("theta1'"), symbol("omega_0"), symbol("amplitude")
+    ('θ̇₁', 'ω₀', 'amplitude')
+    """
+    stem = name.rstrip("'")
+    dots = {0: "", 1: "\u0307", 2: "\u0308"}.get(len(name) - len(stem))
+    letter = stem.rstrip("0123456789")
+    index = stem[len(letter) :]
+    letter = letter.removesuffix("_") if index else letter
+    short = LETTERS.get(letter, letter)
+    if dots is None or len(short) > 1:
+        return name
+    return f"{short}{dots}{index.translate(str.maketrans('0123456789', '₀₁₂₃₄₅₆₇₈₉'))}"
 
 
 def equations(system: ForcedSystem | PointMap) -> list[list[str]] | None:

@@ -123,9 +123,6 @@ def test_what_would_take_too_long_to_compile_is_refused() -> None:
     sines = " + ".join(f"sin({k}*x)" for k in range(70))
     with pytest.raises(EquationError, match="line 2, column 1: more than 5000 operations, of which a function"):
         typed_system(f"v -> v\nx -> {sines}")
-    program = f"from math import sin\ndef function(u, p):\n    x, = u\n    return {sines},\nparams = {{}}\n"
-    with pytest.raises(EquationError, match=r"line 4, column .*: more than 5000 operations"):
-        typed_system(program)
     with pytest.raises(EquationError, match="a formula has too many parts within or after each other"):
         typed_system("x -> " + " + ".join(400 * ["x"]))
     assert typed_system("x -> " + " + ".join(f"sin({k}*x)" for k in range(50))).system.dimension == 1

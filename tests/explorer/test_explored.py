@@ -124,6 +124,27 @@ def test_typed_equations_are_a_system() -> None:
     assert system.with_params(w=4.0).length == pytest.approx(pi / 2)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "θ̈ = -c θ̇ - (1 - aω²cos(ωt))·sin(θ)\nc = 0.2\na = 1/8\nω = 2\nperiod = 2π/ω",
+        "theta'' = -c theta' - (1 - a omega^2 cos(omega t)) sin(theta)\n"
+        "c = 0.2\na = 1/8\nomega = 2.0\nperiod = 2pi/omega",
+        "d²θ/dt² = −c*θ′ − (1 − a*ω**2*cos(ω*t))*sin(θ)\nc = 0.2\na = 1/8\nω = 2\nperiod = 2*pi/ω",
+    ],
+)
+def test_equations_are_typed_as_students_write_them(text: str) -> None:
+    system = typed_system(text).system
+    assert isinstance(system, ForcedSystem)
+    assert [(c.name, c.is_angle) for c in system.axes] == [("theta", True), ("theta'", False)]
+    reference = typed_system(PENDULUM).system
+    assert isinstance(reference, ForcedSystem)
+    for state in ((0.7, -1.1), (-2.0, 0.3)):
+        assert system.derivative(0.3, state) == pytest.approx(reference.derivative(0.3, state), rel=1e-14)
+    assert typed_system("theta'' = -theta\nperiod = 1").coordinates[0].period is None
+    assert typed_system("phi -> phi + 0.3 + sin(phi)/2").coordinates[0].is_angle
+
+
 def test_equations_are_read_from_a_file(tmp_path: Path) -> None:
     path = tmp_path / "swing.txt"
     path.write_text(PENDULUM, encoding="utf-8")
@@ -144,7 +165,15 @@ def test_typed_images_are_a_map() -> None:
 MISTAKES = [
     ("", 1, 1, "no equation"),
     ("x' = v\nv' = -x + \nperiod = 1", 2, None, "no formula"),
-    ("x' = -x^2\nperiod = 1", 1, 8, "write \\*\\*"),
+    ("x' = -3sin^2(x)\nperiod = 1", 1, 8, r"write  sin\(x\)\^2"),
+    ("x' = sin 2x\nperiod = 1", 1, 6, r"write  sin\(2\*x\)"),
+    ("x'' = x'(1 - x)\nperiod = 1", 1, 7, "unknown function"),
+    ("x -> a x(1 - x)\na = 3", 1, 8, r"x is no function: write  x\*\(1 - x\)"),
+    ("x' = cos(2t + w t)*cos(w t)\nw = 2", 1, 1, r"a line such as  period = 2\*pi/w"),
+    ("θ̈ = -γθ̇ + φ̇\nγ = 1\nperiod = 1", 1, 1, "phi' is no coordinate"),
+    ("x' = 1\nx'' = 2\nperiod = 1", 2, 1, "x has a line already"),
+    ("x' -> 2\n", 1, 1, "the image of x has no prime: write  x -> 2"),
+    ("# a program\ndef f(x):\n    return x", 2, 1, "this is a program: write equations"),
     ("x' = -x", 1, 1, "period is missing"),
     ("x' = y\nperiod = 1", 1, 1, "y is not defined here"),
     ("x' = 1\nx' = 2\nperiod = 1", 2, 1, "x has a line already"),
@@ -158,7 +187,8 @@ MISTAKES = [
     ("x' = cos(t)\n\nperiod = 3", 3, 1, "give the period"),
     ("what is this?", 1, 1, "write  name' = formula"),
     ("x' = t if x == 1 else 2\nperiod = 1", 1, 11, "compare two numbers"),
-    ("x' = 'text'\nperiod = 1", 1, 6, "no number"),
+    ("x' = 'text'\nperiod = 1", 1, 6, "no formula"),
+    ('x\' = "text"\nperiod = 1', 1, 6, "no number"),
     ("x' = 1e999*x\nperiod = 1", 1, 6, "no number"),
     ("x' = " + "(" * 3000 + "x\nperiod = 1", 1, None, "no formula"),
     ("x' = " + "9**" * 40 + "9\nperiod = 1", 1, 1, "rhs fails"),
