@@ -116,7 +116,7 @@ def _built(source: str) -> ForcedSystem | PointMap:
     """Return the system of a program that has been written here."""
     names: dict[str, Any] = {}
     exec(compile(source, "<equations>", "exec"), names)
-    return names["system"]  # type: ignore[no-any-return]
+    return names["system"]
 
 
 def _turns(system: ForcedSystem | PointMap, found: _Text, name: str) -> bool:
@@ -157,8 +157,8 @@ def _source(found: _Text, title: str) -> str:
     values = {name: _number(found, name) for name in constants}
     line = next(iter(found.lines.values()))
     if not found.is_map and "period" not in found.others:
-        formulas = " ".join(ast.unparse(f) for f in (*found.others.values(), *found.states.values()))
-        rate = next((f"/{m[1] or m[2]}" for m in _RATE.finditer(formulas) if not (m[1] or m[2]).isdigit()), "")
+        written = " ".join(ast.unparse(f) for f in (*found.others.values(), *found.states.values()))
+        rate = next((f"/{m[1] or m[2]}" for m in _RATE.finditer(written) if not (m[1] or m[2]).isdigit()), "")
         raise EquationError(f"period is missing: add a line such as  period = 2*pi{rate}", line)
     scope = {*states, *constants, *sorted_names, "t"}
     if found.is_map:
