@@ -9,12 +9,13 @@ from __future__ import annotations
 import _imp
 import contextlib
 import importlib
-import os
 import sys
 import threading
 import time
 
 from llvmlite.binding import ffi
+
+from .._lib.systems import at_fork
 
 COMPILING = threading.RLock()
 """To be held by who compiles."""
@@ -50,5 +51,4 @@ def _imported_elsewhere() -> bool:
 
 
 # Every later fork of this process waits until no other thread is in a compiler or imports a module.
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(before=_hold, after_in_parent=_held.close, after_in_child=_held.close)
+at_fork(_held.close, around=_hold)

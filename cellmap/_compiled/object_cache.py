@@ -18,6 +18,7 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 from .._lib.files import written_whole
+from .._lib.systems import READING, is_private
 
 LIMIT = 256 * 2**20
 """Bytes of all entries together; the least recently used go first."""
@@ -41,7 +42,7 @@ def cache_folder() -> Path | None:
     try:
         folder = user_cache_path("cellmap") if chosen is None else Path(chosen).expanduser()
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        private = _is_private(folder)
+        private = is_private(folder)
     except (OSError, RuntimeError):  # RuntimeError: a user without a home
         return None
     if not private:
@@ -128,15 +129,10 @@ def _header(key: str, code: bytes) -> bytes:
 
 def _content(path: Path) -> bytes:
     # Not to wait for a pipe's writer; what is no file is a foreign entry, whose place the next one takes.
-    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    handle = os.open(path, READING)
     with os.fdopen(handle, "rb") as stream:
         return stream.read() if stat.S_ISREG(os.fstat(handle).st_mode) else b""
 
 
 def _warn(path: Path, what: str) -> None:
     warnings.warn(f"cache of compiled code: {str(path)!r} {what}", RuntimeWarning, stacklevel=2)
-
-
-def _is_private(folder: Path) -> bool:
-    found = folder.stat()
-    return found.st_uid == os.geteuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)

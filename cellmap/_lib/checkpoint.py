@@ -11,7 +11,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import mmap
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -38,6 +37,7 @@ from .sealed import (
     rows_of,
     seal,
 )
+from .systems import let_go
 
 FORMAT = "cellmap checkpoint"
 SCHEMA = 2
@@ -101,9 +101,8 @@ class Checkpoint:
 
     def release(self) -> None:
         """Give pages of the file back to the system, which keeps their contents: files may be larger than memory."""
-        if hasattr(mmap, "MADV_DONTNEED"):
-            for mapped in self._maps.values():
-                mapped._mmap.madvise(mmap.MADV_DONTNEED)
+        for mapped in self._maps.values():
+            let_go(mapped._mmap)
 
 
 @contextmanager

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import errno
-import fcntl
 import os
-import platform
 import re
 import secrets
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+from .systems import Locked, lock, unlock
 
 _TOKEN = 8  # bytes in the name of a temporary
 
@@ -55,7 +54,7 @@ def written_whole(path: Path, durable: bool = True, kind: str = "part") -> Itera
     try:
         yield temporary
         if durable:
-            with temporary.open("rb") as stream:
+            with temporary.open("r+b") as stream:
                 os.fsync(stream.fileno())
         temporary.replace(path)
     except BaseException:
@@ -89,43 +88,19 @@ def locked(path: Path | None) -> Iterator[None]:
         yield
     finally:
         if handle is not None:
-            place.unlink(missing_ok=True)
-            os.close(handle)
+            unlock(place, handle)
 
 
 def _lock(place: Path, path: Path) -> int | None:
     """Lock the file that stands for another one, until it is closed or the process dies; None where none can be had."""
-    while True:
-        try:
-            handle = os.open(place, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o666)
-        except OSError as error:
-            if place.exists():
-                raise _in_use(path, "somebody else") from error
-            return None  # what cannot be written to needs no lock
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if _is_at(place, handle):
-                with contextlib.suppress(OSError):  # a full disk; the name is for others to read
-                    os.truncate(handle, 0)
-                    os.write(handle, f"process {os.getpid()} on {platform.node()}".encode())
-                return handle
-        except BlockingIOError:
-            holder = os.read(handle, 200).decode(errors="replace")
-            os.close(handle)
-            raise _in_use(path, holder or "another process") from None
-        except OSError as error:
-            os.close(handle)
-            if error.errno in (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS):  # a disk without locks
-                return None
-            raise
-        os.close(handle)  # whoever had it removed it between the two calls: once more
-
-
-def _is_at(place: Path, handle: int) -> bool:
     try:
-        return os.path.samestat(place.stat(), os.fstat(handle))
-    except FileNotFoundError:
-        return False
+        return lock(place)
+    except Locked as holder:
+        raise _in_use(path, str(holder)) from None
+    except OSError as error:
+        if place.exists():
+            raise _in_use(path, "somebody else") from error
+        return None  # what cannot be written to needs no lock
 
 
 def _in_use(path: Path, holder: str) -> StoreError:

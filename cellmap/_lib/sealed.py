@@ -26,6 +26,7 @@ from numpy.typing import DTypeLike, NDArray
 from .checks import in_bytes
 from .files import StoreError
 from .signatures import RENAMED
+from .systems import READING, take_room
 
 
 class UnsealedError(StoreError):
@@ -91,10 +92,7 @@ def reserve(path: Path, more: int = 0) -> None:
     """
     size = path.stat().st_size + more
     with _told(path, size), path.open("r+b") as stream:
-        if hasattr(os, "posix_fallocate"):
-            os.posix_fallocate(stream.fileno(), 0, size)
-        else:
-            stream.truncate(size)
+        take_room(stream.fileno(), size)
 
 
 @contextmanager
@@ -217,7 +215,7 @@ def rows_of(item: h5py.Dataset) -> Iterator[Any]:
 
 def _verify(path: Path, unverified: bool) -> None:
     # Not to wait for a pipe's writer.
-    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    handle = os.open(path, READING)
     with os.fdopen(handle, "rb") as stream:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             raise ValueError("it is not a file but a device or a pipe")

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 from .checks import whole_number
 from .signatures import checked
 from .stopping import Stop, heeded, heeding
+from .systems import at_fork, cores
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -24,8 +25,7 @@ _KEPT = 4  # pools without work
 
 _count: int | None = None
 _idle: list[tuple[int, ThreadPoolExecutor]] = []
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_idle.clear)  # their threads stay behind
+at_fork(_idle.clear)  # their threads stay behind
 
 
 def thread_count() -> int:
@@ -41,7 +41,7 @@ def thread_count() -> int:
     chosen = os.environ.get("CELLMAP_THREADS")
     if chosen:
         return whole_number("CELLMAP_THREADS", int(chosen) if chosen.isdigit() else chosen, at_least=1)
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return cores()
 
 
 @checked
