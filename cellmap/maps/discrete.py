@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from .._compiled.codegen.enclosures import CompiledEnclosure
 from .._compiled.codegen.expression import ImpureError
-from .._compiled.codegen.kernel import discrete_kernel, tangent_step, why_untraced
+from .._compiled.codegen.kernel import discrete_kernel, map_enclosure, tangent_step, why_untraced
 from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.codegen.trace import parameter_record
 from .._compiled.kernels.frames import Framed, FrameStep, carrying
@@ -169,6 +170,10 @@ class Discrete(MapSpec[PointMap]):
             return None
         tangent = self.build().tangent
         return None if tangent is None else (tangent,)
+
+    def enclosure(self) -> CompiledEnclosure:
+        """Return the compiled enclosure of images of boxes."""
+        return map_enclosure(_timeless(self.function), len(self.coordinates), tuple(self.params))
 
     @property
     def recipe(self) -> dict[str, Any]:

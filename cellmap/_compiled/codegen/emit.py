@@ -9,6 +9,8 @@ from . import simd_math
 from .expression import ARITHMETIC, Expression
 from .functions import TABLE
 from .instructions import Instructions, Value, where
+from .interval_functions import applied_to_intervals
+from .intervals import Enclosing
 from .trace import STATEFUL
 
 Known = dict[Expression, Value]
@@ -38,8 +40,11 @@ def evaluate(code: Instructions, nodes: Iterable[Expression], known: Mapping[Exp
     return found
 
 
-def applied(code: Instructions, operation: str, arguments: Sequence[Value], level: int) -> Value:
+def applied(code: Any, operation: str, arguments: Sequence[Any], level: int) -> Value:
     """Write an operation; in the lane loop its functions are those for vectors, where there are any."""
+    if isinstance(code, Enclosing):
+        enclosed: Any = applied_to_intervals(operation, arguments)
+        return enclosed
     known = TABLE.get(operation)
     kernel = known.kernel if known is not None else _WRITTEN.get(operation)
     if isinstance(kernel, str):

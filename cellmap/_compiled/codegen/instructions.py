@@ -72,6 +72,20 @@ class Value:
         """Compare; true for NaN."""
         return self.function.compare("une", self, value_of(other))
 
+    @staticmethod
+    def dot(pairs: Sequence[tuple[Value | float, Value]]) -> Value:
+        """Return a sum of products.  A long one is made of two chains side by side."""
+        if len(pairs) < 4:
+            return total(x * y for x, y in pairs)
+        chains: list[Value] = []
+        for k, (x, y) in enumerate(pairs):
+            product = x * y
+            if k < 2:
+                chains.append(product)
+            else:
+                chains[k % 2] = chains[k % 2] + product
+        return chains[0] + chains[1]
+
     @property
     def function(self) -> Instructions:
         """The function that it belongs to."""
@@ -107,29 +121,21 @@ def in_chains(items: Sequence[T], term: Callable[[T], Value]) -> Value | None:
 
 
 def dot(pairs: Iterable[tuple[Value | float, Value]]) -> Value | None:
-    """Return a sum of products; None where there are none.  A long one is made of two chains side by side."""
+    """Return a sum of products as their values make it; None where there are none."""
     listed = list(pairs)
-    if len(listed) < 4:
-        return total(x * y for x, y in listed) if listed else None
-    chains: list[Value] = []
-    for k, (x, y) in enumerate(listed):
-        product = x * y
-        if k < 2:
-            chains.append(product)
-        else:
-            chains[k % 2] = chains[k % 2] + product
-    return chains[0] + chains[1]
+    return type(listed[0][1]).dot(listed) if listed else None
 
 
 @dataclass
 class Instructions:
     """The body of one function, instruction by instruction.
 
-    ``width`` is the number of lanes of a vector.  ``declared`` collects the functions of LLVM and of the C library that
-    the body calls.
+    ``width`` is the number of lanes of a vector, ``flags`` are those of arithmetic.  ``declared`` collects the
+    functions of LLVM and of the C library that the body calls.
     """
 
     width: int
+    flags: str = "contract"
     lines: list[str] = field(default_factory=list)
     declared: set[str] = field(default_factory=set)
     block: str = "entry"
@@ -173,6 +179,10 @@ class Instructions:
         """Return a literal of this function."""
         return number(value, self)
 
+    def reciprocal(self, whole: int) -> Any:
+        """Return one divided by a whole number, as a factor."""
+        return 1.0 / whole
+
     # Arithmetic.
 
     def as_vector(self, value: Value) -> Value:
@@ -196,7 +206,8 @@ class Instructions:
     def binary(self, operation: str, a: Value, b: Value) -> Value:
         """Apply fadd, fsub, fmul, fdiv."""
         a, b = self.alike(a, b)
-        return self._operation(f"{operation} contract {self.type_of(a)} {a.text}, {b.text}", a.vector)
+        flagged = f"{operation} {self.flags}".strip()
+        return self._operation(f"{flagged} {self.type_of(a)} {a.text}, {b.text}", a.vector)
 
     def negative(self, a: Value) -> Value:
         """Return a number with the other sign."""
@@ -297,6 +308,20 @@ class Instructions:
         biased = self._operation(f"add {whole} {bits.text}, {constant(1023)}", exponent.vector)
         shifted = self._operation(f"shl {whole} {biased.text}, {constant(52)}", exponent.vector)
         return self._operation(f"bitcast {whole} {shifted.text} to {kind}", exponent.vector)
+
+    def exponent_and_mantissa(self, a: Value) -> tuple[Value, Value]:
+        """Return a whole number n and f in [1, 2) such that a positive normal number is 2^n f, by its bits."""
+        kind, whole = self.type_of(a), f"<{self.width} x i64>" if a.vector else "i64"
+
+        def bitwise(operation: str, bits: str, operand: int) -> str:
+            constant = f"<{', '.join([f'i64 {operand}'] * self.width)}>" if a.vector else str(operand)
+            return self._operation(f"{operation} {whole} {bits}, {constant}", a.vector).text
+
+        bits = self._operation(f"bitcast {kind} {a.text} to {whole}", a.vector).text
+        power = bitwise("sub", bitwise("lshr", bits, 52), 1023)
+        fraction = bitwise("or", bitwise("and", bits, 2**52 - 1), 1023 << 52)
+        exponent = self._operation(f"sitofp {whole} {power} to {kind}", a.vector)
+        return exponent, self._operation(f"bitcast {whole} {fraction} to {kind}", a.vector)
 
     # Memory.
 

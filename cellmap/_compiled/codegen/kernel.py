@@ -17,6 +17,7 @@ from ..machine_code import MachineCode
 from .captured import kept
 from .derivative import frame_traces, jet_trace
 from .emit import evaluate, inputs
+from .enclosures import CompiledEnclosure, discrete_enclosure
 from .expression import UntraceableError, in_order
 from .filippov import SwitchingTrace, switching_trace
 from .in_memory import compiled_in_memory
@@ -238,6 +239,20 @@ def tangent_step(function: Callable[..., Any], dimension: int, names: Names) -> 
     except UntraceableError:
         return None
     return compiled_rows(step, 2 * dimension, len(names))
+
+
+@kept
+def map_enclosure(function: Callable[..., Any], dimension: int, names: Names) -> CompiledEnclosure:
+    """Compile the enclosure of a discrete map whose formulas are known.
+
+    Raises
+    ------
+    UntraceableError
+        For functions without enclosures.
+    """
+    traced = traced_function(function, dimension, names)
+    assert traced is not None, "the formulas are known"
+    return discrete_enclosure(traced, len(names))
 
 
 def application(traced: Trace) -> Step:

@@ -310,7 +310,7 @@ class Series:
         """Return what is left without what is known, times the reciprocal of a node."""
         if left is None and known is None:
             return None
-        rest = value_of(0.0) if left is None else left
+        rest = self.out.number(0.0) if left is None else left
         return (rest if known is None else rest - known) * self._reciprocals[node]
 
     def _div(self, node: Expression, k: int) -> Coefficient:
@@ -320,12 +320,12 @@ class Series:
     def _by_slope(self, node: Expression, k: int) -> Coefficient:
         """The function f of u, from f' = f_u u': the derivative f_u has a series too."""
         terms = self._weighted(node.arguments[0], self.structure.slopes[node], k, k)
-        return None if terms is None else terms * (1.0 / k)
+        return None if terms is None else terms * self.out.reciprocal(k)
 
     def _log(self, node: Expression, k: int) -> Coefficient:
         (a,) = node.arguments
         known = self._weighted(node, a, k - 1, k)
-        return self._quotient(node, self.at(a, k), None if known is None else known * (1.0 / k))
+        return self._quotient(node, self.at(a, k), None if known is None else known * self.out.reciprocal(k))
 
     def _sqrt(self, node: Expression, k: int) -> Coefficient:
         known = self._convolution(node, node, 1, k - 1, k)
@@ -339,7 +339,7 @@ class Series:
         e = self.first(exponent)
         pairs = self._pairs(base, node, 1, k, k)
         terms = in_chains(pairs, lambda term: (e * float(term[0]) - float(k - term[0])) * term[1] * term[2])
-        return None if terms is None else terms * self._reciprocals[node] * (1.0 / k)
+        return None if terms is None else terms * self._reciprocals[node] * self.out.reciprocal(k)
 
     def _sin(self, node: Expression, k: int) -> Coefficient:
         """Sine with cosine, hyperbolic or not: each is the other's derivative up to a sign."""
@@ -350,7 +350,7 @@ class Series:
         weights.append(term if term is None or k == 1 else float(k) * term)
         factors = [(w, k - i) for i, w in enumerate(weights, 1) if w is not None]
         del partner[k:]
-        of_own, of_partner = (sign * (1.0 / k) for sign in _SIGNS[node.operation])
+        of_own, of_partner = (sign * self.out.reciprocal(k) for sign in _SIGNS[node.operation])
         other = dot([(w, partner[m]) for w, m in factors])
         found = None if other is None else of_own * other
         own = dot([(w, self._known[node][m]) for w, m in factors])
@@ -366,7 +366,7 @@ class Series:
         pairs = ((i, self.at(node.arguments[0], i)) for i in range(1, k + 1))
         found = [(i, x) for i, x in pairs if x is not None]
         terms = in_chains(found, lambda term: float(term[0]) * term[1] * partner[k - term[0]])
-        return None if terms is None else (1.0 / k) * terms
+        return None if terms is None else self.out.reciprocal(k) * terms
 
     _tanh = _tan
 
@@ -380,5 +380,7 @@ class Series:
         known = in_chains(found, lambda term: float(term[0]) * term[1] * partner[k - term[0]])
         left = self.at(u, k)
         return self._quotient(
-            node, self.out.number(0.0) if left is None else left, None if known is None else known * (1.0 / k)
+            node,
+            self.out.number(0.0) if left is None else left,
+            None if known is None else known * self.out.reciprocal(k),
         )

@@ -1,0 +1,191 @@
+"""Rigorous enclosures of the images of boxes, in mean-value form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._compiled.codegen.enclosures import CompiledEnclosure, Rows
+from .._compiled.codegen.expression import UntraceableError
+from .._lib.arrays import Bools, Floats
+from .._lib.checks import finite_number, known_parameter, pair_of, real_array, shown
+from .._lib.stopping import check_stop
+from .._lib.threads import run_over, slices
+from .discrete import Discrete
+from .point_map import PointMap
+
+_TOGETHER = 512  # boxes of a task; what depends on time alone is computed once for them
+
+Intervals = Mapping[str, Sequence[float]]
+"""Intervals of parameters by name: the lower and the upper end."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeanValueForms:
+    """Enclosures of a map F over n boxes in d dimensions, by a mean-value form for each.
+
+    For every point x of a box abs(x - centre) <= half_width, F(x) lies in
+    ``images +- image_radii + (derivatives +- derivative_radii) (x - centre)``.
+
+    Parameters
+    ----------
+    images, image_radii : ndarray, shape (n, d)
+        Enclosure of the images of the centres; angles are not wrapped.
+    derivatives, derivative_radii : ndarray, shape (n, d, d)
+        Enclosure of the derivatives DF(x) at all points x of the box.
+    proved : ndarray of bool, shape (n,)
+        False where there is no enclosure; all numbers of the row are NaN then.
+    """
+
+    images: Floats
+    image_radii: Floats
+    derivatives: Floats
+    derivative_radii: Floats
+    proved: Bools
+
+    def __repr__(self) -> str:
+        return f"MeanValueForms({np.count_nonzero(self.proved)} of {len(self.proved)} boxes enclosed)"
+
+    def __len__(self) -> int:
+        return len(self.proved)
+
+
+def enclosed_images(
+    point_map: PointMap, centres: ArrayLike, half_widths: ArrayLike, *, parameters: Intervals | None = None
+) -> MeanValueForms:
+    """Return rigorous enclosures of the images of boxes after one step of a map.
+
+    What is proved is a theorem about real numbers: about the map whose formulas are those that the function writes,
+    with its parameters and literals as exact doubles.  Numbers that the function computes from literals alone, such as
+    ``2 * pi`` or ``sqrt(0.5)``, are the doubles that Python makes of them.
+
+    It rests on IEEE 754 arithmetic in double precision, rounded to nearest and with gradual underflow, in the processor
+    and in the code that LLVM makes of instructions without flags, and on this program.
+
+    Parameters
+    ----------
+    point_map : PointMap
+        A discrete map whose formulas are known and analytic.
+    centres : array_like, shape (n, d)
+        Centres of the boxes.  Angles need not be wrapped.
+    half_widths : array_like, shape (d,) or (n, d)
+        Half of their edges, at least 0.
+    parameters : mapping of str to (float, float), optional
+        Intervals of parameters: the enclosure then holds for every value of these.  By default each is the number that
+        the map has.
+
+    Returns
+    -------
+    MeanValueForms
+        Enclosures.  Boxes for which there is none have ``proved`` False: where a number is NaN or overflows, a
+        denominator or the argument of a root or logarithm may be zero, or a box is too large.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For maps without enclosures, with the reason, and arguments of wrong shapes.
+
+    Examples
+    --------
+    >>> from cellmap import discrete_map
+    >>> logistic = discrete_map(lambda x, p: (p.a * x[0] * (1.0 - x[0]),), {"a": 3.5}, ("x",))
+    >>> forms = enclosed_images(logistic, [[0.3], [0.5]], [0.01])
+    >>> forms.images.ravel(), forms.derivatives.ravel()
+    (array([0.735, 0.875]), array([1.4, 0. ]))
+    >>> bool((forms.derivative_radii >= 0.07).all()), bool((forms.image_radii < 1e-15).all())
+    (True, True)
+    """
+    check_arithmetic()
+    kernel = _kernel(point_map)
+    c, w = _boxes(centres, half_widths, point_map.dimension)
+    p = _parameters(point_map, parameters)
+    rows = kernel.rows
+    found = np.full((len(c), rows.count), np.nan)
+
+    def enclose(part: slice) -> None:
+        check_stop()
+        state, count = _state(rows, c[part], w[part])
+        kernel(state, count, p)
+        found[part] = state.T[:count]
+
+    run_over(slices(len(c), _TOGETHER), enclose)
+    return _forms(rows, found)
+
+
+def check_arithmetic() -> None:
+    """Hold the processor to rounding to nearest and to gradual underflow.
+
+    Raises
+    ------
+    ArithmeticError
+        If another program in this process has changed either.
+    """
+    one, least = np.ones(2), np.full(2, 5e-324)
+    rounded = (one + np.array([2.0**-53, 0.75 * 2.0**-52])).tolist() == [1.0, 1.0 + 2.0**-52]
+    if not rounded or (-one - 0.75 * 2.0**-52).tolist() != 2 * [-1.0 - 2.0**-52] or (0.5 * (3.0 * least) == 0.0).any():
+        raise ArithmeticError(
+            "the processor does not round to nearest, or flushes small numbers to zero: another library has changed "
+            "its mode, and no enclosure would hold; run the proof in a process without that library"
+        )
+
+
+def _kernel(point_map: PointMap) -> CompiledEnclosure:
+    spec = point_map.spec
+    if point_map.table is not None:
+        raise ValueError(f"point_map={point_map!r}: an interpolated map has no enclosure; give point_map.exact")
+    if point_map.unknown_formulas:
+        raise ValueError(
+            f"point_map={point_map!r}: only formulas are enclosed; write the function with plain arithmetic and "
+            "functions of math"
+        )
+    if not isinstance(spec, Discrete):
+        raise TypeError(f"point_map={point_map!r}: this kind of map has no enclosure; give one of discrete_map")
+    try:
+        return spec.enclosure()
+    except UntraceableError as error:
+        raise ValueError(
+            f"point_map={point_map!r}: {error}; write the function with analytic functions and without branches"
+        ) from error
+
+
+def _boxes(centres: ArrayLike, half_widths: ArrayLike, d: int) -> tuple[Floats, Floats]:
+    """Return centres and half-widths (n, d) as floats."""
+    c, w = real_array("centres", centres), real_array("half_widths", half_widths)
+    if c.ndim != 2 or c.shape[1] != d:
+        raise ValueError(f"centres has the shape {c.shape}: give rows of {d} numbers, one for each coordinate")
+    if w.shape not in {(d,), c.shape}:
+        raise ValueError(f"half_widths has the shape {w.shape}: give {d} numbers, or {len(c)} rows of them")
+    return c, np.broadcast_to(w, c.shape)
+
+
+def _parameters(point_map: PointMap, intervals: Intervals | None) -> Floats:
+    """Return midpoints and radii of the parameters, one after the other."""
+    found = {name: (float(value), 0.0) for name, value in point_map.params.items()}
+    for name, ends in (intervals or {}).items():
+        what = f"parameters[{known_parameter('parameters', name, point_map.params)!r}]"
+        low, high = (finite_number(what, end) for end in pair_of(what, ends))
+        if low > high:
+            raise ValueError(f"{what}={shown(ends)}: give the lower end first")
+        middle = 0.5 * low + 0.5 * high
+        found[name] = middle, 0.0 if low == high else float(np.nextafter(max(high - middle, middle - low), np.inf))
+    return np.array([number for pair in found.values() for number in pair])
+
+
+def _state(rows: Rows, c: Floats, w: Floats) -> tuple[Floats, int]:
+    """Return the array of rows of boxes, filled up with copies of the first so that vectors are full."""
+    count = len(c)
+    state = np.zeros((rows.count, count + -count % 8))
+    state[rows.images, :count], state[rows.half_widths, :count] = c.T, np.where(w >= 0.0, w, np.nan).T
+    state[:, count:] = state[:, :1]
+    return state, count
+
+
+def _forms(rows: Rows, found: Floats) -> MeanValueForms:
+    d, n = rows.d, len(found)
+    proved = np.asarray(np.isfinite(found).all(axis=1))
+    found[~proved] = np.nan
+    derivatives, derivative_radii = (found[:, r].reshape(n, d, d) for r in (rows.derivatives, rows.derivative_radii))
+    return MeanValueForms(found[:, rows.images], found[:, rows.image_radii], derivatives, derivative_radii, proved)

@@ -1,0 +1,176 @@
+"""Enclosures of maps over boxes: points of boxes by mpmath, failures as statuses, intervals of parameters."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+
+from cellmap import CellGrid, PointMap, discrete_map, interpolated_map, set_threads
+from cellmap.maps.enclosures import MeanValueForms, enclosed_images
+
+OF_ONE = "sin cos tan exp log sqrt sinh cosh tanh atan asin acos asinh acosh atanh log1p expm1 log2 log10 exp2".split()
+OF_TWO = ["({} + {})", "({} - {})", "({} * {})", "({} / {})", "hypot({}, {})"]
+POWERS = ["({})**2", "({})**3", "({})**-2", "({})**0.5", "({})**1.3", "({})**19"]
+MATH = {name: getattr(math, name) for name in (*OF_ONE, "hypot")}
+EXACT: dict[str, Any] = {name: getattr(mpmath, name, None) for name in (*OF_ONE, "hypot")}
+EXACT |= {"exp2": lambda a: mpmath.exp(a * mpmath.log(2)), "log2": lambda a: mpmath.log(a) / mpmath.log(2)}
+
+
+def formula(rng: random.Random, depth: int, names: str = "xyk") -> str:
+    """Return a formula of x, y and a parameter k, none of whose parts is a number alone."""
+    if depth == 0 or rng.random() < 0.1:
+        return rng.choice(names)
+    kind = rng.random()
+    if kind < 0.35:
+        return f"{rng.choice(OF_ONE)}({formula(rng, depth - 1, names)})"
+    if kind < 0.5:
+        return rng.choice(POWERS).format(formula(rng, depth - 1, names))
+    other = formula(rng, depth - 1, names) if rng.random() < 0.8 else repr(round(rng.uniform(-2.0, 2.0), 3))
+    return rng.choice(OF_TWO).format(formula(rng, depth - 1, names), f"({other})")
+
+
+def map_of(text: str) -> tuple[PointMap, Callable[..., Any]]:
+    """Return a map (x, y) -> (text, x + y) with a parameter k, and the same by mpmath."""
+    names: dict[str, Any] = dict(MATH)
+    exec(f"def f(s, p):\n    (x, y), k = s, p.k\n    return {text}, x + y\n", names)
+
+    def exact(s: Any, k: Any) -> Any:
+        return mpmath.matrix([eval(text, EXACT, {"x": s[0], "y": s[1], "k": k}), s[0] + s[1]])
+
+    return discrete_map(names["f"], {"k": 0.7}, ("x", "y")), exact
+
+
+def distance(forms: MeanValueForms, row: Any, centre: Any, image: Callable[..., Any], points: Any) -> Any:
+    """Return the largest distance of points' images, by mpmath, from a mean-value form, divided by its radius.
+
+    The differences of two images are compared as well, with the enclosed derivative times the difference of the points.
+    """
+    ratios, known = [mpmath.mpf(0)], [(mpmath.matrix(list(map(mpmath.mpf, p))), image(p)) for p in points]
+
+    def compare(value: Any, step: Any, middle: Any, radius: Any) -> None:
+        for i in range(len(value)):
+            along, within = mpmath.mpf(0), mpmath.mpf(float(radius[i]))
+            for j, s in enumerate(step):
+                d, r = forms.derivatives[row, i, j], forms.derivative_radii[row, i, j]
+                along, within = along + mpmath.mpf(float(d)) * s, within + mpmath.mpf(float(r)) * abs(s)
+            off = abs(value[i] - mpmath.mpf(float(middle[i])) - along)
+            ratios.append(off / within if within else mpmath.mpf(2 if off > 1e-38 else 0))
+
+    c = mpmath.matrix([mpmath.mpf(float(v)) for v in centre])
+    for (x, y), (x2, y2) in zip(known, [*known[1:], known[0]], strict=True):
+        compare(y, x - c, forms.images[row], forms.image_radii[row])
+        compare(y2 - y, x2 - x, np.zeros(len(y)), np.zeros(len(y)))
+    return max(ratios)
+
+
+def points_of(rng: random.Random, centre: Any, half: Any) -> list[list[Any]]:
+    """Return the centre, corners and random points of a box, exactly inside of it."""
+    fractions: list[list[Any]] = [
+        [0] * len(centre),
+        [1] * len(centre),
+        *([rng.choice([-1, 1, rng.uniform(-1, 1)]) for _ in centre] for _ in "ab"),
+    ]
+    return [
+        [mpmath.mpf(float(c)) + mpmath.mpf(s) * float(w) for c, w, s in zip(centre, half, row, strict=True)]
+        for row in fractions
+    ]
+
+
+def attacked(text: str, rng: random.Random, boxes: int, interval: tuple[float, float] | None = None) -> tuple[int, Any]:
+    """Return how many points of random boxes were compared, and their largest distance over bound."""
+    point_map, exact = map_of(text)
+    centres = np.array([[rng.uniform(-3.0, 3.0) for _ in "xy"] for _ in range(boxes)])
+    halves = np.array([[10.0 ** rng.uniform(-9.0, 0.0) * rng.choice([0, 1, 1, 1]) for _ in "xy"] for _ in range(boxes)])
+    forms = enclosed_images(point_map, centres, halves, parameters=None if interval is None else {"k": interval})
+    low, high = interval or (0.7, 0.7)
+    compared, worst = 0, mpmath.mpf(0)
+    with mpmath.workdps(40):
+        for row in np.flatnonzero(forms.proved):
+            k = mpmath.mpf(low) + rng.random() * (mpmath.mpf(high) - low)
+            points = points_of(rng, centres[row], halves[row])
+            worst = max(worst, distance(forms, row, centres[row], lambda p, k=k: exact(p, k), points))
+            compared += len(points)
+    return compared, worst
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_points_of_boxes_under_random_formulas(seed: int) -> None:
+    rng, compared = random.Random(seed), 0
+    for number in range(20):
+        text = formula(rng, rng.choice([2, 3]))
+        points, worst = attacked(text, rng, 12, (0.65, 0.75) if number % 2 else None)
+        assert worst <= 1, text
+        compared += points
+    assert compared > 500
+
+
+def henon() -> PointMap:
+    return discrete_map(lambda x, p: (1.0 - p.a * x[0] ** 2 + x[1], p.b * x[0]), {"a": 1.4, "b": 0.3}, ("x", "y"))
+
+
+def test_failures_are_statuses() -> None:
+    point_map = discrete_map(lambda x, p: (math.log(x[0]), x[1] / x[0]), {}, ("x", "y"))
+    centres = [[1.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [math.nan, 0.0], [1.0, math.inf], [1.0, 0.0]]
+    halves = [[0.5, 0.5], [1.0, 0.5], [0.1, 0.5], [0.1, 0.1], [0.1, 0.1], [-0.1, 0.1]]
+    forms = enclosed_images(point_map, centres[:3] + centres[5:], halves[:3] + halves[5:])
+    assert forms.proved.tolist() == [True, False, False, False]
+    for array in (forms.images, forms.image_radii, forms.derivatives, forms.derivative_radii):
+        assert np.isnan(array[~forms.proved]).all()
+        assert np.isfinite(array[forms.proved]).all()
+    assert repr(forms) == "MeanValueForms(1 of 4 boxes enclosed)"
+    assert not enclosed_images(henon(), [[1e200, 0.0]], [1.0, 1.0]).proved.any()
+
+
+def test_an_interval_of_a_parameter_holds_for_all_of_its_values() -> None:
+    forms = enclosed_images(henon(), [[0.5, 0.1]], [1e-3, 1e-3], parameters={"a": (1.3, 1.5)})
+    for a in (1.3, 1.42, 1.5):
+        alone = enclosed_images(henon().with_params(a=a), [[0.5, 0.1]], [1e-3, 1e-3])
+        assert (np.abs(alone.images - forms.images) <= forms.image_radii).all()
+        assert (np.abs(alone.derivatives - forms.derivatives) <= forms.derivative_radii).all()
+
+
+def test_any_number_of_threads_gives_the_same_bits() -> None:
+    centres = np.random.default_rng(0).uniform(-1.0, 1.0, (3001, 2))
+    found = []
+    for threads in (1, 2, 3):
+        set_threads(threads)
+        found.append(enclosed_images(henon(), centres, [1e-3, 1e-3]))
+    set_threads(None)
+    for forms in found[1:]:
+        assert np.array_equal(forms.images, found[0].images)
+        assert np.array_equal(forms.derivative_radii, found[0].derivative_radii)
+    alone = enclosed_images(henon(), centres[17:18], [1e-3, 1e-3])
+    assert np.array_equal(alone.derivatives[0], found[0].derivatives[17])
+
+
+def test_maps_without_enclosures_say_why() -> None:
+    def of(function: Any) -> PointMap:
+        return discrete_map(function, {}, ("x",))
+
+    for function, reason in (
+        (lambda x, p: (abs(x[0]),), "fabs is not enclosed"),
+        (lambda x, p: (x[0] if x[0] > 0 else 1.0,), "a branch is not enclosed"),
+        (lambda x, p: (math.erf(x[0]),), "erf is not enclosed"),
+    ):
+        with pytest.raises(ValueError, match=reason):
+            enclosed_images(of(function), [[0.5]], [0.1])
+    with pytest.raises(ValueError, match="only formulas are enclosed"):
+        enclosed_images(replace(henon(), unknown_formulas="a loop"), [[0.5, 0.5]], [0.1, 0.1])
+    table = interpolated_map(henon(), CellGrid((-1.0, -1.0), (1.0, 1.0), (16, 16)))
+    with pytest.raises(ValueError, match=r"give point_map\.exact"):
+        enclosed_images(table, [[0.5, 0.5]], [0.1, 0.1])
+    with pytest.raises(ValueError, match="centres has the shape"):
+        enclosed_images(henon(), [0.5, 0.5], [0.1, 0.1])
+    with pytest.raises(ValueError, match="half_widths has the shape"):
+        enclosed_images(henon(), [[0.5, 0.5]], 0.1)
+    with pytest.raises(ValueError, match="this map has the parameters"):
+        enclosed_images(henon(), [[0.5, 0.5]], [0.1, 0.1], parameters={"c": (0.0, 1.0)})
+    with pytest.raises(ValueError, match="give the lower end first"):
+        enclosed_images(henon(), [[0.5, 0.5]], [0.1, 0.1], parameters={"a": (2.0, 1.0)})
