@@ -27,6 +27,7 @@ from .examined import LOOKED_AT, Examined, guesses_of
 from .labels import LABEL_NAMES, Label
 from .lyapunov_regions import Afford, always
 from .quasiperiodic import long_cycle, quasiperiodic_attractors
+from .quotients import quotient_of
 from .settling import Catalogue, settle, settle_on_threads
 from .transients import REMEDIES, Late, Reason, UnsettledWarning, regular
 from .trapping import still_trapping, trapping_neighbourhood
@@ -58,7 +59,9 @@ def find_attractors(
 
     In more than four dimensions regions may take 1,800 images of the map for each initial condition, and at least
     200,000.  Attractors that are not verified within them, and quasi-periodic ones, are found by recurrence: their
-    `verified` is False, and orbits that enter their regions count as converged.
+    `verified` is False, and orbits that enter their regions count as converged.  Where the motion does not change when
+    all states are shifted along a direction, as where all angles of a network may turn together, an attractor there is
+    that of all shifts of its points, see the `symmetry` of :class:`Attractor`.
 
     Parameters
     ----------
@@ -100,16 +103,31 @@ def find_attractors(
     check_attractors(attractors, point_map, "attractors")
     max_periods = whole_number("max_periods", max_periods, at_least=1)
     longest_period = affordable_period(longest_period)
+    quotient = quotient_of(point_map, states)
+    if quotient is None:
+        found, reasons, labels = _found_by_all(point_map, states, attractors, max_periods, longest_period)
+    else:
+        known = [quotient.lowered(a) for a in attractors]
+        places = quotient.projected(states)
+        found, reasons, labels = _found_by_all(quotient.point_map, places, known, max_periods, longest_period)
+        found = [quotient.lifted(a, point_map) for a in found]
+    if not found:
+        warn_caller(_nothing_found(labels, reasons, max_periods), UnsettledWarning)
+    return tuple(sorted(found, key=sort_key))
+
+
+def _found_by_all(
+    point_map: PointMap, states: Floats, known: Sequence[Attractor], max_periods: int, longest_period: int
+) -> tuple[list[Attractor], Sequence[Reason], Ints]:
+    """Return the attractors that orbits of some states come to, why others do not, and labels of all."""
     extent = region_extent(point_map, states)
     examined = Examined.nothing_yet(point_map, extent, states)
-    found = search(point_map, states, attractors, max_periods, longest_period, extent, examined)
+    found = search(point_map, states, known, max_periods, longest_period, extent, examined)
     attractors, reasons = found.attractors, tuple[Reason, ...]()
     if len(found.orbits):
         examination = found.examined(point_map, states, extent)
         attractors, reasons = [*attractors, *examination.attractors], examination.reasons
-    if not attractors:
-        warn_caller(_nothing_found(found.labels, reasons, max_periods), UnsettledWarning)
-    return tuple(sorted(joined_continua(point_map, attractors)[0], key=sort_key))
+    return list(joined_continua(point_map, attractors)[0]), reasons, found.labels
 
 
 @dataclass(frozen=True, eq=False)

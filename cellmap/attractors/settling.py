@@ -23,6 +23,7 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Cover
 from .boxes import box_keys, boxes_around
 from .labels import LABELS_OF, Label
+from .quotients import Quotient, quotient_by
 from .sieves import sieve_of
 
 RESIDENCE = 64
@@ -39,13 +40,17 @@ Rule = Callable[[Floats], Ints]
 
 @dataclass(frozen=True, eq=False)
 class Catalogue:
-    """Known attractors, in the form in which orbits are tested against them."""
+    """Known attractors, in the form in which orbits are tested against them.
+
+    Attractors with a continuous symmetry are tested in the ``quotient``, to which regions and boxes belong then.
+    """
 
     attractors: tuple[Attractor, ...]
     regions: Regions
     covers: tuple[tuple[int, Cover, Ints], ...]
     boxes: Covers
     turn: Floats
+    quotient: Quotient | None = None
 
     @classmethod
     def of(cls, attractors: Sequence[Attractor], point_map: PointMap) -> Catalogue:
@@ -61,6 +66,9 @@ class Catalogue:
                 f"attractors: {len(attractors):,} are more than the {MOST_ATTRACTORS:,} that labels of 16 bits "
                 "distinguish; take fewer initial conditions, or groups of alike orbits by classify_by_features"
             )
+        if (quotient := quotient_by(point_map, attractors)) is not None:
+            inner = cls.of([quotient.lowered(a) for a in attractors], quotient.point_map)
+            return replace(inner, attractors=tuple(attractors), quotient=quotient)
         d, turn = point_map.dimension, turns_of(point_map.coordinates)[1]
         regions = [(k, a.neighbourhood) for k, a in enumerate(attractors) if a.neighbourhood is not None]
         covers = tuple(
@@ -82,6 +90,7 @@ class Catalogue:
 
     def owners_of(self, points: Floats) -> Ints:
         """Return the number of the attractor in whose neighbourhood each point is, -1 for none."""
+        points = points if self.quotient is None else self.quotient.projected(points)
         found, scratch = np.empty(len(points), np.int64), _scratch(points.shape[1])
         for part in slices(len(points), LOOKED_AT):
             some = found[part]
@@ -92,6 +101,7 @@ class Catalogue:
         """Return the distance to the nearest attractor, in radii of its neighbourhood; inf where there is none."""
         if not len(self.regions.owners):
             return np.full(len(points), np.inf)
+        points = points if self.quotient is None else self.quotient.projected(points)
         shift = shortest(points[:, None, :] - self.regions.centres, self.turn)
         return np.asarray(np.sqrt(np.einsum("nmi,mij,nmj->nm", shift, self.regions.metrics, shift)).min(axis=1))
 
@@ -99,6 +109,11 @@ class Catalogue:
     def sieve(self) -> Sieve:
         """Which ellipsoids may hold a point, by its coordinates; without words where they are few."""
         return sieve_of(self.regions, self.turn)
+
+    @computed_once
+    def within(self) -> Catalogue:
+        """The catalogue in the quotient."""
+        return replace(self, quotient=None)
 
     def shrunk(self, factor: float) -> Catalogue:
         """Return the catalogue with smaller trapping regions; those that are not verified hold the attractors."""
@@ -166,6 +181,9 @@ def settle(
     Stopped
         Soon after that was requested.
     """
+    if (quotient := catalogue.quotient) is not None:
+        settled = settle(quotient.point_map, quotient.of_orbits(orbits), catalogue.within, periods, age, stop)
+        return replace(settled, orbits=quotient.back(settled.orbits))
     max_step = point_map.max_step
     if not len(catalogue.regions.owners) and not catalogue.covers:
         return _labelled(point_map, orbits, catalogue, periods, age, _UNSEEN, stop=stop)[0]

@@ -22,6 +22,7 @@ from ..attractors.chaos import examine
 from ..attractors.continua import joined_continua
 from ..attractors.examined import Examined
 from ..attractors.labels import LABEL_NAMES, Label
+from ..attractors.quotients import Quotient, quotient_of
 from ..attractors.residence import OBSERVED, unobserved, with_full_residence, with_residence
 from ..attractors.search import region_extent, search, sort_out
 from ..attractors.settling import Settled
@@ -71,6 +72,7 @@ class Run:
     reasons: tuple[Reason, ...] = ()
     complete: bool = False
     spent: list[float] = field(default_factory=list)
+    quotient: Quotient | None = None
 
     def tiles(self, known: Sequence[Attractor]) -> Iterator[int]:
         """Find attractors from a sample, label all initial conditions, and search the active orbits again.
@@ -141,10 +143,11 @@ class Run:
         total = len(self.initial_conditions)
         few = np.arange(total) if total <= _SAMPLE else np.random.default_rng(0).choice(total, _SAMPLE, replace=False)
         chosen = self.initial_conditions.wrapped(np.sort(few), self.point_map)
-        grid = self.initial_conditions.grid
-        corners = chosen if grid is None else np.array([grid.lower, grid.upper])
-        extent = region_extent(self.point_map, corners)
-        examined = Examined.nothing_yet(self.point_map, extent, chosen)
+        grid, self.quotient = self.initial_conditions.grid, quotient_of(self.point_map, chosen)
+        corners = chosen if grid is None or self.quotient is not None else np.array([grid.lower, grid.upper])
+        searched = self._in_quotient(known)[0]
+        corners, chosen = self._places(corners), self._places(chosen)
+        examined = Examined.nothing_yet(searched, region_extent(searched, corners), chosen)
         now = self.store.resume(examined)
         if now is None:
             small = self.client is None and isinstance(self.store, InMemory)
@@ -187,19 +190,35 @@ class Run:
         ends = np.cumsum([len(group) for group in groups]).tolist()
         yield from self._label(now, None, ends)
 
+    def _in_quotient(self, known: Sequence[Attractor]) -> tuple[PointMap, list[Attractor]]:
+        """Return the map that attractors are searched for in, that of what is left without shifts, and those known."""
+        q = self.quotient
+        return (self.point_map, list(known)) if q is None else (q.point_map, [q.lowered(a) for a in known])
+
+    def _places(self, states: Floats) -> Floats:
+        """Return the places of states in the space of that map."""
+        return states if self.quotient is None else self.quotient.projected(states)
+
+    def _all(self, known: Sequence[Attractor], found: Sequence[Attractor]) -> tuple[Attractor, ...]:
+        """Return attractors that are known, and those that were found after them as attractors of the map."""
+        q, fresh = self.quotient, found[len(known) :]
+        return (*known, *(fresh if q is None else (q.lifted(a, self.point_map) for a in fresh)))
+
     def _search(
         self, chosen: Floats, known: list[Attractor], to_the_end: bool, examined: Examined
     ) -> tuple[Attractor, ...]:
         """Find attractors from a sample; where that is complete, slow orbits are left to labelling."""
-        own = region_extent(self.point_map, chosen)
+        point_map, given = self._in_quotient(known)
+        own = region_extent(point_map, chosen)
         if not np.array_equal(own, examined.extent):
-            examined = Examined.nothing_yet(self.point_map, own, chosen)
+            examined = Examined.nothing_yet(point_map, own, chosen)
         periods = self.max_periods if to_the_end else min(_PATIENCE, self.max_periods)
         with heeding(self.stop):
-            found = search(self.point_map, chosen, known, periods, self.longest_period, own, examined, self.stop)
+            found = search(point_map, chosen, given, periods, self.longest_period, own, examined, self.stop)
             if not to_the_end or not len(found.orbits):
-                return tuple(found.attractors)
-            return (*found.attractors, *found.examined(self.point_map, chosen, own).attractors)
+                return self._all(known, found.attractors)
+            strange = found.examined(point_map, chosen, own).attractors
+            return self._all(known, [*found.attractors, *strange])
 
     def _observed(self, attractors: tuple[Attractor, ...], before: int) -> tuple[Attractor, ...]:
         """Return attractors, the chaotic ones with the periods that make a resident, where many are to be labelled.
@@ -274,16 +293,18 @@ class Run:
     def _find_more(self, now: Progress, left: Rows, states: Orbits) -> tuple[tuple[Attractor, ...], tuple[Reason, ...]]:
         """Search the active orbits for further attractors; return all, and why the last sweep leaves orbits."""
         extent, age = now.examined.extent, now.time_limit
-        last, known = age >= self.max_periods, list(now.attractors)
+        last, (point_map, known) = age >= self.max_periods, self._in_quotient(now.attractors)
+        states = states if self.quotient is None else self.quotient.of_orbits(states)
         rest, attractors, owners = sort_out(
-            self.point_map, states, known, self.longest_period, extent, age, now.examined, last=last
+            point_map, states, known, self.longest_period, extent, age, now.examined, last=last
         )  # fmt: skip
         if not last or not len(rest):
-            return tuple(attractors), ()
+            return self._all(now.attractors, attractors), ()
         rows = np.concatenate(list(left.spread(len(states))))
         late = self._late(now, rows[owners != Label.UNDECIDED])
-        examination = examine(self.point_map, rest.points, extent, attractors, age, late)
-        return (*attractors, *examination.attractors), examination.reasons
+        late = replace(late, points=self._places(late.points))
+        examination = examine(point_map, rest.points, extent, attractors, age, late)
+        return self._all(now.attractors, [*attractors, *examination.attractors]), examination.reasons
 
     def _late(self, now: Progress, rows: Ints) -> Late:
         """Return the initial conditions that came last to attractors that are not chaotic; rows are those come now."""

@@ -31,7 +31,7 @@ def _write_attractor(group: h5py.Group, attractor: Attractor) -> None:
     put_text(group, "kind", str(attractor.kind))
     put_text(group, "name", attractor.name)
     group.attrs.update(period=attractor.period, turns=attractor.rotations, grazing=attractor.grazing_distance)
-    for name in ("points", "multipliers", "exponents", "resolution"):
+    for name in ("points", "multipliers", "exponents", "resolution", "symmetry"):
         if (value := getattr(attractor, name)) is not None:
             group[name] = value
     for part, (_, dims) in PARTS.items():
@@ -58,11 +58,13 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
     grazing = group.attrs.get("grazing", np.inf)
     multipliers = array_of(group, "multipliers", np.complex128, (None,))
     exponents = array_of(group, "exponents", np.float64, (None,))
+    symmetry = array_of(group, "symmetry", np.float64, (None, d)) if "symmetry" in group else None
+    size = d if symmetry is None else d - len(symmetry)
     if (
         not isinstance(grazing, float)
         or grazing < 0.0
-        or len(multipliers) not in (0, d)
-        or len(exponents) not in (0, 1, d)
+        or len(multipliers) not in (0, size)
+        or len(exponents) not in (0, 1, size)
     ):
         raise ValueError(f"{group.name} has {len(multipliers)} multipliers, {len(exponents)} exponents, {grazing=}")
     return Attractor(
@@ -76,6 +78,7 @@ def _read_attractor(group: h5py.Group, coordinates: tuple[Coordinate, ...]) -> A
         **parts,
         grazing_distance=float(grazing),
         resolution=array_of(group, "resolution", np.float64, (d,)) if "resolution" in group else None,
+        symmetry=symmetry,
     )
 
 

@@ -67,6 +67,7 @@ def attractor_group(
         "number_of_multipliers": ("attractor", np.array([len(a.multipliers) for a in attractors], np.int64)),
         "number_of_exponents": ("attractor", np.array([len(a.exponents) for a in attractors], np.int64)),
         **_parts(attractors),
+        **_symmetry(attractors),
         **{name: ("attractor", values) for name, values in columns.items()},
     }
     names = _texts(c.name for c in coordinates)
@@ -92,8 +93,15 @@ def attractors_of(group: Any, coordinates: tuple[Coordinate, ...]) -> Iterator[A
             coordinates=coordinates,
             grazing_distance=float(found["grazing_distance"][k]),
             resolution=None if np.isnan(found["resolution"][k]).any() else found["resolution"][k].copy(),
+            symmetry=found["symmetry"].copy() if "symmetry" in found else None,
             **{name: records[k] for name, records in parts.items() if k in records},
         )
+
+
+def _symmetry(attractors: Sequence[Attractor]) -> dict[str, Any]:
+    """Return the directions of shifts under which all attractors are the same, if there are any."""
+    found = next((a.symmetry for a in attractors if a.symmetry is not None), None)
+    return {} if found is None else {"symmetry": (("direction", "coordinate"), found)}
 
 
 def _parts(attractors: Sequence[Attractor]) -> dict[str, Any]:

@@ -150,6 +150,11 @@ class Attractor(ShownAsHtml):
     grazing_distance : float
         Of a periodic attractor, how near it comes to grazing a surface of impacts or of a discontinuity, see
         :func:`cellmap.maps.grazing_distance`.
+    symmetry : ndarray, shape (k, dimension), or None
+        Directions along which all states may be shifted without a change of their motion, as where all angles turn
+        together.  The attractor is then that of all shifts of its points, one of which is the one given, with a zero
+        at one coordinate for each direction; period, rotations and kind are those of what is left without the shifts,
+        and there are k multipliers and exponents less.
     """
 
     _made_by: ClassVar = "find_attractors"
@@ -166,6 +171,7 @@ class Attractor(ShownAsHtml):
     torus: InvariantTorus | None = None
     grazing_distance: float = inf
     resolution: Floats | None = None
+    symmetry: Floats | None = None
 
     @property
     def grazes(self) -> bool:

@@ -99,5 +99,5 @@ def test_records_that_are_stored_are_known_to_this_test():
     }
     assert {f.name for f in fields(Attractor)} == {
         *("kind", "period", "points", "rotations", "multipliers", "exponents", "coordinates", "neighbourhood", "cover"),
-        *("circle", "torus", "grazing_distance", "resolution"),
+        *("circle", "torus", "grazing_distance", "resolution", "symmetry"),
     }
