@@ -4,20 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._compiled.codegen.enclosures import CompiledEnclosure, Rows
 from .._compiled.codegen.expression import UntraceableError
-from .._lib.arrays import Bools, Floats
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import finite_number, known_parameter, pair_of, real_array, shown
 from .._lib.stopping import check_stop
 from .._lib.threads import run_over, slices
 from .discrete import Discrete
+from .enclosed_periods import best_order, period_of, times_of_steps, with_steps
 from .point_map import PointMap
+from .stroboscopic import Stroboscopic
 
-_TOGETHER = 512  # boxes of a task; what depends on time alone is computed once for them
+_WIDEST = 8  # lanes of a vector
+_TOGETHER = 1024  # boxes of a task; what depends on time alone is computed once for them
 
 Intervals = Mapping[str, Sequence[float]]
 """Intervals of parameters by name: the lower and the upper end."""
@@ -60,7 +64,9 @@ def enclosed_images(
 
     What is proved is a theorem about real numbers: about the map whose formulas are those that the function writes,
     with its parameters and literals as exact doubles.  Numbers that the function computes from literals alone, such as
-    ``2 * pi`` or ``sqrt(0.5)``, are the doubles that Python makes of them.
+    ``2 * pi`` or ``sqrt(0.5)``, are the doubles that Python makes of them.  A period of a flow lasts exactly as long as
+    the double ``system.length`` says, from the time ``phase * system.length`` as a double on.  So the theorem is about
+    orbits of ``cos(omega * t)`` at times a double apart that is near a period of this cosine, and not equal to it.
 
     It rests on IEEE 754 arithmetic in double precision, rounded to nearest and with gradual underflow, in the processor
     and in the code that LLVM makes of instructions without flags, and on this program.
@@ -68,14 +74,15 @@ def enclosed_images(
     Parameters
     ----------
     point_map : PointMap
-        A discrete map whose formulas are known and analytic.
+        A discrete or a stroboscopic map whose formulas are known and analytic.
     centres : array_like, shape (n, d)
         Centres of the boxes.  Angles need not be wrapped.
     half_widths : array_like, shape (d,) or (n, d)
         Half of their edges, at least 0.
     parameters : mapping of str to (float, float), optional
         Intervals of parameters: the enclosure then holds for every value of these.  By default each is the number that
-        the map has.
+        the map has.  A period that is a function of parameters may be any number that this function has over the
+        intervals, in real numbers and in doubles.
 
     Returns
     -------
@@ -99,20 +106,39 @@ def enclosed_images(
     (True, True)
     """
     check_arithmetic()
-    kernel = _kernel(point_map)
+    spec = _enclosable(point_map)
     c, w = _boxes(centres, half_widths, point_map.dimension)
     p = _parameters(point_map, parameters)
+    try:
+        if isinstance(spec, Discrete):
+            kernel = spec.enclosure()
+            return _forms(kernel.rows, _enclosed(kernel, c, w, p))
+        kernel = spec.enclosure(best_order(c, w))
+        begin, length = period_of(spec.system, spec.phase, p, exact=not parameters)
+    except UntraceableError as error:
+        raise ValueError(
+            f"point_map={point_map!r}: {error}; write the function with analytic functions and without branches"
+        ) from error
+
+    def pass_over(members: Ints, steps: int) -> Floats:
+        return _enclosed(kernel, c[members], w[members], p, *times_of_steps(begin, length, steps))
+
+    return _forms(kernel.rows, with_steps(pass_over, len(c), kernel.rows.count, kernel.order))
+
+
+def _enclosed(kernel: CompiledEnclosure, c: Floats, w: Floats, p: Floats, *steps: Any) -> Floats:
+    """Return the rows of a kernel for boxes, shape (n, rows)."""
     rows = kernel.rows
-    found = np.full((len(c), rows.count), np.nan)
+    found = np.empty((len(c), rows.count))
 
     def enclose(part: slice) -> None:
         check_stop()
         state, count = _state(rows, c[part], w[part])
-        kernel(state, count, p)
+        kernel(state, count, p, *steps)
         found[part] = state.T[:count]
 
     run_over(slices(len(c), _TOGETHER), enclose)
-    return _forms(rows, found)
+    return found
 
 
 def check_arithmetic() -> None:
@@ -132,7 +158,8 @@ def check_arithmetic() -> None:
         )
 
 
-def _kernel(point_map: PointMap) -> CompiledEnclosure:
+def _enclosable(point_map: PointMap) -> Discrete | Stroboscopic:
+    """Return the specification of a map that may have an enclosure."""
     spec = point_map.spec
     if point_map.table is not None:
         raise ValueError(f"point_map={point_map!r}: an interpolated map has no enclosure; give point_map.exact")
@@ -141,14 +168,13 @@ def _kernel(point_map: PointMap) -> CompiledEnclosure:
             f"point_map={point_map!r}: only formulas are enclosed; write the function with plain arithmetic and "
             "functions of math"
         )
-    if not isinstance(spec, Discrete):
-        raise TypeError(f"point_map={point_map!r}: this kind of map has no enclosure; give one of discrete_map")
-    try:
-        return spec.enclosure()
-    except UntraceableError as error:
-        raise ValueError(
-            f"point_map={point_map!r}: {error}; write the function with analytic functions and without branches"
-        ) from error
+    if not isinstance(spec, Discrete | Stroboscopic):
+        raise TypeError(
+            f"point_map={point_map!r}: this kind of map has no enclosure; give one of discrete_map or stroboscopic_map"
+        )
+    if isinstance(spec, Stroboscopic) and spec.system.functions[1:] != (None, None):
+        raise ValueError(f"point_map={point_map!r}: impacts and switches are not enclosed; give a smooth system")
+    return spec
 
 
 def _boxes(centres: ArrayLike, half_widths: ArrayLike, d: int) -> tuple[Floats, Floats]:
@@ -177,15 +203,17 @@ def _parameters(point_map: PointMap, intervals: Intervals | None) -> Floats:
 def _state(rows: Rows, c: Floats, w: Floats) -> tuple[Floats, int]:
     """Return the array of rows of boxes, filled up with copies of the first so that vectors are full."""
     count = len(c)
-    state = np.zeros((rows.count, count + -count % 8))
+    state = np.zeros((rows.count, count + -count % _WIDEST))
     state[rows.images, :count], state[rows.half_widths, :count] = c.T, np.where(w >= 0.0, w, np.nan).T
+    for identity in (rows.derivatives, rows.frame):
+        state[list(identity)[:: rows.d + 1]] = 1.0
     state[:, count:] = state[:, :1]
     return state, count
 
 
 def _forms(rows: Rows, found: Floats) -> MeanValueForms:
     d, n = rows.d, len(found)
-    proved = np.asarray(np.isfinite(found).all(axis=1))
+    proved = np.asarray(np.isfinite(found[:, : rows.remainder]).all(axis=1))
     found[~proved] = np.nan
     derivatives, derivative_radii = (found[:, r].reshape(n, d, d) for r in (rows.derivatives, rows.derivative_radii))
     return MeanValueForms(found[:, rows.images], found[:, rows.image_radii], derivatives, derivative_radii, proved)

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .._compiled.codegen.enclosures import CompiledEnclosure
+from .._compiled.codegen.kernel import period_enclosure
 from .._compiled.codegen.methods import METHOD_NAMES
 from .._lib.arrays import Floats
 from .._lib.checks import finite_number, one_of, real_array, shown, whole_number
@@ -218,6 +220,11 @@ class Stroboscopic(MapSpec[PointMap]):
             return None
         flows = [replace(first, begin=self.phase * s.length + k * first.length) for k in range(count)]
         return tuple(functools.partial(tangent_by_lanes, f, dimension=s.dimension, together=f.vectors) for f in flows)
+
+    def enclosure(self, order: int) -> CompiledEnclosure:
+        """Return the compiled enclosure of periods of boxes, with series of an order."""
+        s = self.system
+        return period_enclosure(s.rhs, s.dimension, tuple(s.params), order)
 
     @property
     def recipe(self) -> dict[str, Any]:

@@ -37,7 +37,8 @@ class Rows:
     """Rows of the array ``state`` of boxes in d dimensions.
 
     Half-widths, then midpoints and radii of images, then of the derivatives, row by row.  Midpoints of images hold the
-    centres before.
+    centres before.  Flows keep errors in a moving frame as well: its axes, and the sizes of the errors of derivatives
+    and images along them.
     """
 
     d: int
@@ -68,9 +69,24 @@ class Rows:
         return range((3 + self.d) * self.d, (3 + 2 * self.d) * self.d)
 
     @property
+    def frame(self) -> range:
+        """Components of the axes of the frame, row by row."""
+        return range((3 + 2 * self.d) * self.d, (3 + 3 * self.d) * self.d)
+
+    @property
+    def derivative_errors(self) -> range:
+        """Errors of the derivatives along the axes, row by row."""
+        return range((3 + 3 * self.d) * self.d, (3 + 4 * self.d) * self.d)
+
+    @property
+    def image_errors(self) -> range:
+        """Errors of the images along the axes."""
+        return range((3 + 4 * self.d) * self.d, (4 + 4 * self.d) * self.d)
+
+    @property
     def remainder(self) -> int:
         """Sum over the steps of the largest remainder of a series, relative to the size of the set."""
-        return (3 + 2 * self.d) * self.d
+        return (4 + 4 * self.d) * self.d
 
     @property
     def count(self) -> int:

@@ -20,6 +20,7 @@ from .emit import evaluate, inputs
 from .enclosures import CompiledEnclosure, discrete_enclosure
 from .expression import UntraceableError, in_order
 from .filippov import SwitchingTrace, switching_trace
+from .flow_enclosures import flow_enclosure
 from .in_memory import compiled_in_memory
 from .instructions import Instructions, Value
 from .methods import LARGE, Method, choose_method, series_work, taylor_method, taylor_order
@@ -253,6 +254,20 @@ def map_enclosure(function: Callable[..., Any], dimension: int, names: Names) ->
     traced = traced_function(function, dimension, names)
     assert traced is not None, "the formulas are known"
     return discrete_enclosure(traced, len(names))
+
+
+@kept
+def period_enclosure(rhs: Callable[..., Any], dimension: int, names: Names, order: int) -> CompiledEnclosure:
+    """Compile the enclosure of a flow whose formulas are known, with series of an order.
+
+    Raises
+    ------
+    UntraceableError
+        For functions without enclosures.
+    """
+    traced = traced_function(rhs, dimension, names)
+    assert traced is not None, "the formulas are known"
+    return flow_enclosure(traced, len(names), order)
 
 
 def application(traced: Trace) -> Step:

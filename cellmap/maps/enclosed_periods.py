@@ -1,0 +1,152 @@
+"""Periods of flows over boxes: the order of the series, the number of steps, and the times at which they begin.
+
+The number of steps follows from the remainders of the series.  Their sum over a period is held to a small part of the
+size of the set that is carried along, so that they add little to what a mean-value form over a box loses anyway.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from math import ceil, inf
+from typing import Any
+
+import numpy as np
+
+from .._compiled.codegen.kernel import map_enclosure, why_untraced
+from .._lib.arrays import Floats, Ints
+from .system import ForcedSystem
+
+Pass = Callable[[Ints, int], Floats]
+"""Enclosures of some boxes with a number of steps, one in each row, with its remainder in the last column."""
+
+_REMAINDER = 0.005
+_ORDERS = (8, 12)
+_FIRST, _FEWEST, _MOST = 8, 4, 4096
+_MORE = 1.2  # times as many steps are worth another pass
+_HOPE = 8  # times as many steps enclose a sample of boxes without an enclosure, or they are given up
+_SAMPLE = 64
+_ROUNDS = 8
+_CLIMB = 32  # times as many steps as most boxes need: with more there is little hope
+
+
+def best_order(centres: Floats, half_widths: Floats) -> int:
+    """Return the order of least work for boxes (n, d).
+
+    With coefficients that fall like those of a geometric series, the number of steps is proportional to
+    (size/(half-width remainder))^(1/order), and the work of each to the square of the order.
+
+    Examples
+    --------
+    >>> best_order(np.array([[3.0]]), np.array([[1e-3]])), best_order(np.array([[3.0]]), np.array([[0.0]]))
+    (8, 12)
+    """
+    if not len(centres):
+        return _ORDERS[0]
+    sizes = np.abs(centres).max(axis=0)
+    with np.errstate(all="ignore"):
+        ratios = sizes / np.maximum(np.median(half_widths, axis=0), 2.0**-44 * sizes)
+    ratio = float(np.max(ratios, where=np.isfinite(ratios), initial=1.0))
+    return min(_ORDERS, key=lambda order: order**2 * (ratio / _REMAINDER) ** (1.0 / order))
+
+
+def with_steps(pass_over: Pass, boxes: int, rows: int, order: int) -> Floats:
+    """Return the rows of enclosures of a period, each with as many steps as its remainder asks for; NaN without one."""
+    found, left = np.full((boxes, rows), np.nan), np.arange(boxes)
+    steps = _first_steps(pass_over, boxes, order)
+    most = min(_MOST, _CLIMB * steps)
+    while left.size and steps <= most:
+        new = pass_over(left, steps)
+        enclosed = np.isfinite(new).all(axis=1)
+        better = enclosed & ~(found[left, -1] <= new[:, -1])
+        found[left[better]] = new[better]
+        again = _needed(new[:, -1], steps, order) > _MORE * steps
+        if not enclosed.all():
+            some = _sample(left[~enclosed])
+            again &= enclosed | np.isfinite(pass_over(some, min(_HOPE * steps, most))).all(axis=1).any()
+        left = left[again]
+        if left.size:
+            typical = float(np.quantile(_needed(new[again, -1], steps, order), 0.75))
+            steps = ceil(max(typical, _MORE * steps))
+    return found
+
+
+def _first_steps(pass_over: Pass, boxes: int, order: int) -> int:
+    """Return the number of steps that three in four of a sample of boxes need at most."""
+    some, steps, least = _sample(np.arange(boxes)), _FIRST, _FEWEST
+    for _ in range(_ROUNDS if boxes else 0):
+        new = pass_over(some, steps)
+        typical = float(np.quantile(_needed(new[:, -1], steps, order), 0.75))
+        if np.isnan(new).any(axis=1).mean() > 0.25:
+            least = ceil(_MORE * steps)
+        elif 0.8 * steps <= max(least, typical) <= _MORE * steps:
+            break
+        steps = max(least, ceil(typical))
+    return steps if steps <= _MOST else _FIRST
+
+
+def _needed(remainders: Floats, steps: int, order: int) -> Floats:
+    """Return the numbers of steps with which the remainders would be small enough; twice as many for NaN."""
+    with np.errstate(all="ignore"):
+        needed = steps * (remainders / _REMAINDER) ** (1.0 / order)
+    return np.where(np.isfinite(needed), np.clip(needed, 0.5 * steps, 4.0 * steps), 2.0 * steps)
+
+
+def _sample(members: Ints) -> Ints:
+    return members[np.unique(np.linspace(0, len(members) - 1, min(len(members), _SAMPLE)).astype(np.int64))]
+
+
+def times_of_steps(
+    begin: tuple[float, float], length: tuple[float, float], steps: int
+) -> tuple[Floats, tuple[float, float]]:
+    """Return enclosures of the times at which equal steps begin (steps, 2), and of their length: (m, r)."""
+    (t, dt), (period, spread) = (tuple(map(Fraction, pair)) for pair in (begin, length))
+    times = [_nearest(t + period * k / steps, dt + spread * k / steps) for k in range(steps)]
+    return np.array(times), _nearest(period / steps, spread / steps)
+
+
+def _nearest(exact: Fraction, radius: Fraction) -> tuple[float, float]:
+    """Return the nearest float and the distance from it, rounded up, within which all lies that is so near a number."""
+    m = float(exact)
+    r = abs(exact - Fraction(m)) + radius
+    return m, float(np.nextafter(float(r), inf)) if r else 0.0
+
+
+def period_of(system: ForcedSystem, phase: float, parameters: Floats, exact: bool) -> tuple[tuple[float, float], ...]:
+    """Return enclosures of the time at which a period begins, and of its length, each a midpoint and a radius.
+
+    The parameters (n, 2) are midpoints and radii.  If they are `exact` so are both numbers: those that the map has.
+    Else the length encloses the numbers that its formula has over the intervals, and those that floats make of it.
+
+    Raises
+    ------
+    UntraceableError, ValueError
+        For a period whose formula is not known.
+    """
+    length = system.length
+    if exact or not callable(system.period):
+        return (phase * length, 0.0), (length, 0.0)
+    function, names = _as_map(system.period), tuple(system.params)
+    if reason := why_untraced(function, 1, system.params):
+        raise ValueError(
+            f"period={system.period!r}: its formula is not known, {reason}; give the parameters as numbers"
+        )
+    kernel = map_enclosure(function, 1, names)
+    state = np.zeros((kernel.rows.count, 8))
+    kernel(state, 8, np.ascontiguousarray(parameters))
+    middle, spread = (float(state[rows[0], 0]) for rows in (kernel.rows.images, kernel.rows.image_radii))
+    if not np.isfinite(middle + spread) or middle - spread <= 0.0:
+        raise ValueError(f"parameters: the period {system.period!r} is not bounded above zero over these intervals")
+    spread = spread * (1.0 + 1e-12) + 2.0**-48 * middle
+    return (phase * middle, abs(phase) * spread * (1.0 + 1e-12) + 2.0**-50 * abs(phase * middle)), (middle, spread)
+
+
+@functools.lru_cache(maxsize=64)
+def _as_map(period: Callable[[Any], float]) -> Callable[..., Sequence[float]]:
+    """Return a period as a map; the same object for the same function."""
+
+    def function(t: float, x: Sequence[float], p: Any) -> Sequence[float]:
+        return (period(p),)
+
+    return function

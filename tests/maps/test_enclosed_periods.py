@@ -1,0 +1,171 @@
+"""Enclosures of flows over boxes: points of boxes in extended precision, failures, steps, intervals of parameters."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from extended_integration import LONG, extrapolated
+from test_enclosures import formula
+
+from cellmap import ForcedSystem, PointMap, angle, set_threads, stroboscopic_map
+from cellmap.maps import Impact, enclosed_periods
+from cellmap.maps.enclosures import MeanValueForms, enclosed_images
+
+PARAMETERS = {"g": 0.05, "a": 0.3, "k": 0.7, "w": 1.25}
+TEXTS = {
+    "pendulum": "y, -p.g * y - (p.a - p.k * cos(p.w * t)) * sin(x)",
+    "Duffing": "y, x - x**3 - p.g * y + p.a * cos(p.w * t)",
+    "rational": "y - 0.1 * x, tanh(p.a * x) - y / (1.5 + sin(p.w * t) + x * x) - sqrt(1.1 + cos(x)) + exp(-(y**2))",
+    "autonomous": "y, (1.0 - x * x) * y - x + 0.1 * atan(x) + 0.1 * log(3.0 + y * y)",
+}
+NUMPY = {"atan": np.arctan, "asin": np.arcsin, "acos": np.arccos, "asinh": np.arcsinh, "acosh": np.arccosh}
+NUMPY |= {"atanh": np.arctanh}
+
+
+def compiled(text: str, functions: dict[str, Any]) -> Callable[..., Any]:
+    """Return a right-hand side in terms of some elementary functions."""
+    names = dict(functions)
+    exec(f"def rhs(t, s, p):\n    (x, y), k = s, p.k\n    return {text}\n", names)
+    return names["rhs"]
+
+
+def flow_of(text: str, **changes: Any) -> PointMap:
+    values = PARAMETERS | changes
+    rhs = compiled(text, {n: getattr(math, n) for n in dir(math)})
+    return stroboscopic_map(ForcedSystem(rhs, values, lambda p: 2.0 * math.pi / p.w, ("x", "y"), "flow"), phase=0.3)
+
+
+def worst_of(
+    forms: MeanValueForms, text: str, centres: Any, halves: Any, rng: Any, values: Any, steps: int = 32
+) -> float:
+    """Return the largest distance of images of points of boxes from the mean-value form, divided by its radius.
+
+    Parameters are exact here, and so is the length of the period: the double that the map has.
+    """
+    functions = {n: NUMPY.get(n, getattr(np, n, None)) for n in dir(math)}
+    rhs, p = compiled(text, functions), SimpleNamespace(**{n: LONG(v) for n, v in values.items()})
+    length = 2.0 * math.pi / values["w"]
+    rows = np.tile(np.flatnonzero(forms.proved), 4)  # the centre, corners, and points between
+    inside = (
+        rng.choice([-1.0, 1.0], (len(rows), 2)) * np.repeat([0.0, 1.0, 1.0, rng.uniform()], len(rows) // 4)[:, None]
+    )
+    shift = LONG(halves[rows]) * inside
+    start = (LONG(centres[rows]) + shift).T
+    image = extrapolated(lambda t, s: rhs(t, s, p), LONG(0.3 * length), start, LONG(length), steps, 10)
+    off = np.abs(np.array(image).T - forms.images[rows] - np.einsum("nij,nj->ni", LONG(forms.derivatives[rows]), shift))
+    bound = forms.image_radii[rows] + np.einsum("nij,nj->ni", forms.derivative_radii[rows], np.abs(shift))
+    return float(np.max(off / bound, initial=0.0))
+
+
+def boxes(rng: Any, count: int, size: float = 1.5) -> tuple[Any, Any]:
+    """Return boxes of many sizes, some of them points."""
+    centres = rng.uniform(-size, size, (count, 2))
+    return centres, 10.0 ** rng.uniform(-9.0, -2.0, (count, 2)) * rng.choice([0.0, 1.0], (count, 1), p=[0.1, 0.9])
+
+
+@pytest.fixture(autouse=True)
+def short_series(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compile short series: they take a fraction of the time."""
+    monkeypatch.setattr(enclosed_periods, "_ORDERS", (5,))
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_points_of_boxes_in_extended_precision(name: str) -> None:
+    rng = np.random.default_rng(1)
+    centres, halves = boxes(rng, 40)
+    forms = enclosed_images(flow_of(TEXTS[name]), centres, halves)
+    assert forms.proved.mean() > 0.95
+    assert 0.0 < worst_of(forms, TEXTS[name], centres, halves, rng, PARAMETERS) < 1.0
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_points_of_boxes_in_random_flows(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(enclosed_periods, "_ORDERS", (3,))
+    monkeypatch.setattr(enclosed_periods, "_REMAINDER", 0.5)  # so that what series leave out is most of a radius
+    rng, writer = np.random.default_rng(seed), random.Random(seed)
+    text = f"y - 0.1 * x, tanh({formula(writer, 2)} + {formula(writer, 2)}) - 0.3 * y + cos(t * 1.25)"
+    centres, halves = boxes(rng, 40)
+    with np.errstate(all="ignore"):
+        forms = enclosed_images(flow_of(text), centres, halves)
+        assert worst_of(forms, text, centres, halves, rng, PARAMETERS) <= 1.0, text
+    assert forms.proved.any(), text
+
+
+def test_an_image_to_forty_digits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.undo()
+    forms = enclosed_images(flow_of(TEXTS["pendulum"]), [[1.0, 0.1]], [0.0, 0.0])
+    rhs = compiled(TEXTS["pendulum"], {n: getattr(mpmath, n, None) for n in dir(math)})
+    with mpmath.workdps(40):
+        p = SimpleNamespace(**{n: mpmath.mpf(v) for n, v in PARAMETERS.items()})
+        start, length = [mpmath.mpf(1), mpmath.mpf(0.1)], 2.0 * math.pi / PARAMETERS["w"]
+        image = extrapolated(lambda t, s: rhs(t, s, p), mpmath.mpf(0.3 * length), start, mpmath.mpf(length), 8, 10)
+        for value, m, r in zip(image, forms.images[0], forms.image_radii[0], strict=True):
+            assert abs(value - mpmath.mpf(float(m))) <= r < 1e-12
+
+
+def test_failures_are_statuses() -> None:
+    runaway = "y, x**3 + 0.0 * t"
+    forms = enclosed_images(
+        flow_of(runaway),
+        [[0.0, 0.0], [3.0, 3.0], [0.0, 0.0], [math.nan, 0.0]],
+        [[0.01] * 2] * 2 + [[50.0] * 2, [0.1] * 2],
+    )
+    assert forms.proved.tolist() == [True, False, False, False]
+    for array in (forms.images, forms.image_radii, forms.derivatives, forms.derivative_radii):
+        assert np.isnan(array[~forms.proved]).all()
+    dies = "y, 1.0 / x - p.g * y + 0.0 * t"  # falls on x = 0
+    assert enclosed_images(flow_of(dies), [[1.0, 0.0], [0.001, -30.0]], [1e-3, 1e-3]).proved.tolist() == [True, False]
+    assert enclosed_images(flow_of(dies), np.zeros((0, 2)), [1e-3, 1e-3]).images.shape == (0, 2)
+
+
+def test_intervals_of_parameters_hold_for_all_of_their_values() -> None:
+    centres, halves = np.array([[0.5, 0.1], [-1.0, 0.4]]), np.full((2, 2), 1e-3)
+    intervals = {"k": (0.69, 0.71), "w": (1.24, 1.26)}
+    forms = enclosed_images(flow_of(TEXTS["pendulum"]), centres, halves, parameters=intervals)
+    assert forms.proved.all()
+    for k, w in ((0.69, 1.24), (0.71, 1.26), (0.705, 1.25)):
+        worst = worst_of(
+            forms, TEXTS["pendulum"], centres, halves, np.random.default_rng(0), PARAMETERS | {"k": k, "w": w}
+        )
+        assert 0.01 < worst < 1.0
+    alone = enclosed_images(flow_of(TEXTS["pendulum"]), centres, halves)
+    assert (alone.image_radii < 0.01 * forms.image_radii).all()
+
+
+def test_narrower_boxes_have_narrower_enclosures() -> None:
+    excess = []
+    for width in (1e-3, 1e-5, 1e-7):
+        forms = enclosed_images(flow_of(TEXTS["pendulum"]), [[0.5, 0.1]], [width, width])
+        excess.append((forms.image_radii[0] + forms.derivative_radii[0].sum(axis=1) * width).max() / width)
+    assert excess[0] < 0.1
+    assert excess[1] < 0.02
+    assert excess[2] < 0.02
+
+
+def test_any_number_of_threads_gives_the_same_bits() -> None:
+    centres, found = np.random.default_rng(0).uniform(-1.0, 1.0, (2500, 2)), []
+    for threads in (1, 2, 3):
+        set_threads(threads)
+        found.append(enclosed_images(flow_of(TEXTS["pendulum"]), centres, [1e-3, 1e-3]))
+    set_threads(None)
+    for forms in found[1:]:
+        assert np.array_equal(forms.images, found[0].images)
+        assert np.array_equal(forms.derivative_radii, found[0].derivative_radii)
+
+
+def test_systems_without_enclosures_say_why() -> None:
+    def of(rhs: Any, **options: Any) -> PointMap:
+        return stroboscopic_map(ForcedSystem(rhs, {}, 1.0, (angle("x"), "v"), **options))
+
+    with pytest.raises(ValueError, match="a branch is not enclosed"):
+        enclosed_images(of(lambda t, x, p: (x[1], 1.0 if x[1] > 0.0 else -1.0)), [[0.0, 0.0]], [0.1, 0.1])
+    bounces = [Impact(lambda t, x, p: x[1] + 2.0, lambda t, x, p: (x[0], -x[1]))]
+    with pytest.raises(ValueError, match="impacts and switches are not enclosed"):
+        enclosed_images(of(lambda t, x, p: (x[1], -1.0), impacts=bounces), [[0.0, 0.0]], [0.1, 0.1])
