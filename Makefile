@@ -32,7 +32,7 @@ help:
 	@echo "make check        check-code, check-pins and check-site"
 	@echo "make check-code   format, lint, types, import contracts"
 	@echo "make check-pins   whether all Pythons from $(OLDEST_PYTHON) to $(NEWEST_PYTHON) can install constraints.txt"
-	@echo "make check-site   documentation, without what the studies print"
+	@echo "make check-site   documentation, without what the studies print, in a browser without a network"
 	@echo "make bench        speed against other programs, as ratios"
 	@echo "make docs         the site, into docs/_build/html/"
 	@echo "make pins         renew constraints.txt: the newest version of every package"
@@ -124,6 +124,7 @@ check-code: env
 
 check-site: env-docs
 	@CELLMAP_STUDIES=skip $(MAKE) --no-print-directory docs
+	$(RUN) -m pytest tests/site -o addopts=--import-mode=importlib
 
 # Peers raise warnings of their own, which are not errors of ours.
 bench: $(INSTALLED)bench

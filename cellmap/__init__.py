@@ -2,7 +2,7 @@
 
 A plain right-hand side becomes a :class:`ForcedSystem`, that a stroboscopic :class:`PointMap`, that an interpolated
 cell map; attractors and basins of attraction are found on any of them.  What is used most is here; everything else is
-in the rooms `maps`, `orbits`, `bifurcations`, `attractors`, `basins`, `sets`, `analysis` and `plot`.
+in the subpackages `maps`, `orbits`, `bifurcations`, `attractors`, `basins`, `sets`, `analysis` and `plot`.
 """
 
 import lazy_loader as _lazy

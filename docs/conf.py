@@ -28,16 +28,18 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.intersphinx",
-    "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
+    "function_chart",
+    "mathml",
     "page_figures",
     "plain_notebooks",
     "printed_output",
     "reference_figures",
     "short_names",
+    "stages",
     "study_pages",
 ]
 exclude_patterns = ["_build", "_extensions", "generated", "examples", "tutorials", "auto/backreferences"]
@@ -81,9 +83,11 @@ sphinx_gallery_conf = {
 gc.freeze()
 gc.set_threshold(100_000, 20, 100)
 
+html_math_renderer = "mathml"
 html_theme = "pydata_sphinx_theme"
 html_title = f"cellmap {release}"
 html_static_path = ["_static"]
+html_search_scorer = str(HERE / "_static" / "search_scorer.js")
 html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_theme_options = {

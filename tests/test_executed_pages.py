@@ -111,8 +111,9 @@ def test_examples_are_short():
 
 def test_each_public_name_has_a_page_of_the_reference():
     """In one of its groups, by the shortest of its names, and once."""
-    text = "".join((DOCS / page).read_text(encoding="utf-8") for page in ("reference.md", "systems-reference.md"))
-    listed = re.findall(r"^   ((?:cellmap|systems)\.\S+)$", text, re.MULTILINE)
+    pages = [*sorted(DOCS.glob("reference-*.md")), DOCS / "systems-reference.md"]
+    text = "".join(page.read_text(encoding="utf-8") for page in pages)
+    listed = re.findall(r"^   ~?((?:cellmap|systems)\.\S+)$", text, re.MULTILINE)
     rooms = [importlib.import_module(room) for room in sorted({name.rpartition(".")[0] for name in listed})]
     public = {id(getattr(room, name)): name for room in rooms for name in getattr(room, "__all__", ())}
     unlisted = {id(thing) for thing in public_constants(rooms)} | {id(module) for module in sys.modules.values()}
@@ -132,7 +133,9 @@ def test_each_plotting_function_has_a_figure_on_its_page(monkeypatch):
     monkeypatch.syspath_prepend(DOCS / "_extensions")
     figures = extension("page_figures").known_figures()
     programs = "".join(program.read_text(encoding="utf-8") for program in PROGRAMS)
-    listed = re.findall(r"^   cellmap\.plot\.(\S+)$", (DOCS / "reference.md").read_text(encoding="utf-8"), re.MULTILINE)
+    listed = re.findall(
+        r"^   ~cellmap\.plot\.(\S+)$", (DOCS / "reference-plot.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
     assert len(listed) > 40
     without = {name for name in listed if f"plot.{name}" not in figures and f"plot.{name}(" not in programs}
     assert without == {"animate", "draw"}  # a film; and what calls the others

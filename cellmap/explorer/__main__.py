@@ -18,9 +18,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--gallery", default="systems.gallery", help="module with a list GALLERY of systems (default: %(default)s)"
     )
-    parser.add_argument(
-        "--equations", metavar="FILE", help="text file with equations, which are shown first"
-    )
+    parser.add_argument("--equations", metavar="FILE", help="text file with equations, which are shown first")
     options = parser.parse_args(arguments)
     try:
         typed = [] if options.equations is None else [typed_file(options.equations)]

@@ -224,7 +224,10 @@ def alignment_test(
     *,
     rng: Rng = 0,
 ) -> ChaosTest:
-    """Distinguish chaotic from regular orbits by the generalized alignment index of deviation vectors (GALI, SALI).
+    r"""Distinguish chaotic from regular orbits by the generalized alignment index of deviation vectors (GALI, SALI).
+
+    It is :math:`G_k(n) = \lVert \hat w_1 \wedge \dots \wedge \hat w_k \rVert` for k unit vectors along the
+    deviations after n steps.
 
     The index is the volume spanned by unit vectors along the deviations; with two deviations it is the smaller
     alignment index (SALI).  Along a chaotic orbit all deviations align with one direction, and the index decreases

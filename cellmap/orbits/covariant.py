@@ -117,7 +117,9 @@ class CovariantVectors:
 def covariant_vectors(
     point_map: PointMap, initial_condition: ArrayLike, periods: int = 1000, transient: int = 200
 ) -> CovariantVectors:
-    """Return the covariant Lyapunov vectors along an orbit.
+    r"""Return the covariant Lyapunov vectors along an orbit.
+
+    They satisfy :math:`D P(x_n) v_j(x_n) \propto v_j(x_{n+1})`, with the mean growth :math:`\lambda_j`.
 
     An orthonormal frame iterated forward spans the directions of largest growth; vector j is the direction within the
     span of the first j columns that grows least under backward iteration (Ginelli et al. 2007).  Single directions of

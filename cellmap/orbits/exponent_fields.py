@@ -91,7 +91,9 @@ class ExponentField(ConvertsToXarray):
 def finite_time_exponents(
     point_map: PointMap, grid: CellGrid, periods: int = 10, progress: bool = False
 ) -> ExponentField:
-    """Return the finite-time Lyapunov exponents at the centres of all cells, forward and backward.
+    r"""Return the finite-time Lyapunov exponents at the centres of all cells, forward and backward.
+
+    They are :math:`\frac{1}{n} \ln \sigma_1(D P^n)` forward and :math:`-\frac{1}{n} \ln \sigma_d(D P^n)` backward.
 
     The forward exponent is the logarithm of the largest singular value of the derivative of `periods` steps, divided by
     their number.  Its ridges follow repelling structures: stable manifolds, among them basin boundaries.  The smallest

@@ -148,7 +148,10 @@ def lyapunov_spectrum(
     transient: int = 500,
     progress: bool = False,
 ) -> LyapunovSpectrum:
-    """Return the spectrum of Lyapunov exponents along one or many orbits.
+    r"""Return the spectrum of Lyapunov exponents along one or many orbits.
+
+    They are :math:`\lambda_i = \lim_{n \to \infty} \frac{1}{n} \ln \sigma_i(D P^n(x))` for the singular values
+    :math:`\sigma_i` of the derivative.
 
     The derivative of each period, from the variational equation, is applied to an orthonormal frame, which is
     orthonormalised again by a QR factorisation; the growth is the diagonal of R.  Frames are iterated for at most 100

@@ -35,7 +35,10 @@ def zero_one_test(
     *,
     rng: Rng = 0,
 ) -> ChaosTest:
-    """Distinguish chaotic from regular orbits by the 0-1 test, without derivatives.
+    r"""Distinguish chaotic from regular orbits by the 0-1 test, without derivatives.
+
+    It measures the growth of the distances of :math:`p_n = \sum_{j \le n} \phi_j \cos(j c)` from their beginnings:
+    linear in n for chaos (K = 1), bounded otherwise (K = 0).
 
     Parameters
     ----------

@@ -280,7 +280,9 @@ def middles(counts: tuple[int, ...]) -> Floats:
 
 @checked
 def box_ftle(boxes: BoxSet, point_map: PointMap, periods: int = 10) -> Floats:
-    """Compute the finite-time Lyapunov exponent of the centre of each box.
+    r"""Compute the finite-time Lyapunov exponent of the centre of each box.
+
+    It is :math:`\frac{1}{n} \ln \sigma_1(D P^n)` at the centre, after n periods.
 
     It is the logarithm of the largest singular value of the derivative of `periods` steps, divided by their number, as
     in :func:`finite_time_exponents` for whole grids; here only the boxes of the set are evaluated.

@@ -154,7 +154,10 @@ def escape_rate(
     fit_range: tuple[int, int] | None = None,
     tolerance: float = 0.05,
 ) -> EscapeRate:
-    """Compute the escape rate from a region.
+    r"""Compute the escape rate from a region.
+
+    It is the :math:`\kappa` of :math:`N(n) \propto e^{-\kappa n}`, the number of orbits that are still in the
+    region after n steps.
 
     Random initial conditions, uniform in the window, are iterated until they leave the region.  The line is fitted by
     :func:`fit_line` in the largest window of steps in which it is straight, among those that at least 400 orbits

@@ -39,7 +39,9 @@ def boundary_dimension(
     rng: Rng = 0,
     fit_range: tuple[float, float] | None = None,
 ) -> BoxCount:
-    """Compute the box-counting dimension of a basin boundary.
+    r"""Compute the box-counting dimension of a basin boundary.
+
+    It is :math:`D_0 = -\frac{d \ln N(s)}{d \ln s}`, where N boxes of side s contain boundary.
 
     A box of s cells a side contains boundary if the cell centres in it, those on its border included, have more than
     one label.  A box thus spans s steps from cell to cell, the border between neighbouring boxes belongs to both, and a

@@ -136,7 +136,9 @@ def box_dimension(
     rng: Rng = 0,
     fit_range: tuple[float, float] | None = None,
 ) -> BoxCount:
-    """Compute the box-counting dimension of a set of points.
+    r"""Compute the box-counting dimension of a set of points.
+
+    It is :math:`D_0 = -\frac{d \ln N(s)}{d \ln s}`, where N boxes of side s contain points of the set.
 
     All dyadic sizes are counted with one sort of the points, and each other size with a sort of its own.  A size is
     usable if the set intersects at least 10 boxes, and if the points miss at most 2 % of the boxes, by Chao's estimate

@@ -87,7 +87,9 @@ def correlation_dimension(
     scale: ArrayLike | None = None,
     fit_range: tuple[float, float] | None = None,
 ) -> CorrelationSum:
-    """Compute the correlation dimension of an orbit on an attractor (Grassberger and Procaccia 1983).
+    r"""Compute the correlation dimension of an orbit on an attractor (Grassberger and Procaccia 1983).
+
+    It is :math:`D_2 = \frac{d \ln C(r)}{d \ln r}`, where C(r) is the fraction of pairs of points closer than r.
 
     Pairs are counted with a tree of the points; those that are close because they are close in time are excluded
     (Theiler 1986).  The window among usable distances is the one in which scatter and drift of the slope are

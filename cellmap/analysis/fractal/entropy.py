@@ -108,7 +108,10 @@ def basin_entropy(
     *,
     rng: Rng = 0,
 ) -> BasinEntropy:
-    """Compute the basin entropy of a basin image.
+    r"""Compute the basin entropy of a basin image.
+
+    It is :math:`S_b = -\frac{1}{N} \sum_{i=1}^{N} \sum_j p_{ij} \ln p_{ij}` for N boxes with the fractions
+    :math:`p_{ij}` of the basins.
 
     In each box, the entropy of the fractions of the basins is computed with natural logarithms.  The mean over all
     boxes is the basin entropy, that over boxes with several basins the boundary basin entropy.

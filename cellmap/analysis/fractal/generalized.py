@@ -91,7 +91,10 @@ def generalized_dimensions(
     rng: Rng = 0,
     fit_range: tuple[float, float] | None = None,
 ) -> GeneralizedDimensions:
-    """Compute the generalized dimensions D_q of a measure, from sample points or weights.
+    r"""Compute the generalized dimensions D_q of a measure, from sample points or weights.
+
+    They are :math:`D_q = \frac{1}{q - 1} \frac{d \ln \sum_i p_i^q}{d \ln s}` for boxes of side s with the weights
+    :math:`p_i`.
 
     D_0 is the box-counting dimension, D_1 the information dimension, D_2 the correlation dimension; with increasing q,
     dense regions count more.  A size is usable as in :func:`box_dimension`, and for a sample if its boxes contain at
@@ -203,7 +206,10 @@ class KaplanYorke:
 
 
 def kaplan_yorke_dimension(exponents: ArrayLike | LyapunovSpectrum, errors: ArrayLike | None = None) -> KaplanYorke:
-    """Compute the Kaplan-Yorke (Lyapunov) dimension from Lyapunov exponents.
+    r"""Compute the Kaplan-Yorke (Lyapunov) dimension from Lyapunov exponents.
+
+    It is :math:`D = k + \frac{\lambda_1 + \dots + \lambda_k}{\lvert \lambda_{k+1} \rvert}` for the largest k with a
+    sum that is not negative.
 
     By the conjecture of Kaplan and Yorke it is the information dimension D_1 of typical chaotic attractors; it is an
     upper bound of D_1 for any smooth map (Ledrappier 1981).  For two-dimensional smooth maps the two are equal (Young

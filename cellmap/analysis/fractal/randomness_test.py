@@ -122,7 +122,10 @@ def fractal_boundary_test(
     *,
     rng: Rng = 0,
 ) -> FractalTest:
-    """Test whether a basin boundary is smooth in discs of a given radius.
+    r"""Test whether a basin boundary is smooth in discs of a given radius.
+
+    The boundary is consistent with a smooth one if the mean of :math:`-\sum_j p_j \ln p_j` over discs is that of
+    straight cuts.
 
     Discs (balls) around random cells are drawn, and the entropy of the basins in those that contain more than one is
     compared with that of discs cut by a straight boundary, see

@@ -50,7 +50,10 @@ def uncertainty_exponent(
     rng: Rng = 0,
     progress: bool = False,
 ) -> UncertaintyExponent:
-    """Compute the uncertainty exponent of a basin boundary by Monte Carlo sampling with the map.
+    r"""Compute the uncertainty exponent of a basin boundary by Monte Carlo sampling with the map.
+
+    The fraction of uncertain pairs is :math:`f(\varepsilon) \propto \varepsilon^{\alpha}`, and :math:`D_0 = D -
+    \alpha`.
 
     Two initial conditions at a small distance are an uncertain pair if they converge to different attractors.  The
     fraction of uncertain pairs decreases as distance^exponent; in a region of dimension D, the box-counting dimension

@@ -197,7 +197,9 @@ def image_uncertainty_exponent(
     wraps: Sequence[bool] | None = None,
     fit_range: tuple[int, int] | None = None,
 ) -> UncertaintyExponent:
-    """Compute the uncertainty exponent of a basin boundary from a basin image.
+    r"""Compute the uncertainty exponent of a basin boundary from a basin image.
+
+    It is the :math:`\alpha` of :math:`f(k) \propto k^{\alpha}`, the fraction of pairs with different labels.
 
     All pairs of cells that are k cells apart along an axis are compared, for all axes together, across the branch cut
     of periodic axes too.  For the meaning of the exponent see :func:`uncertainty_exponent`.  Neighbouring pairs are not

@@ -105,7 +105,9 @@ def basin_stability(
     point_map: PointMap | None = None,
     max_periods: int | None = None,
 ) -> BasinStability:
-    """Compute basin stability: the fraction of random states that converge to each attractor.
+    r"""Compute basin stability: the fraction of random states that converge to each attractor.
+
+    It is :math:`S = \int_B \rho(x) \, dx` for the basin B and the density :math:`\rho` of the states.
 
     Parameters
     ----------

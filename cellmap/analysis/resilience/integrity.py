@@ -74,7 +74,9 @@ def local_integrity(
     rng: Rng = 0,
     point_map: PointMap | None = None,
 ) -> Ball:
-    """Compute the local integrity measure: the largest ball about an attractor inside its basin.
+    r"""Compute the local integrity measure: the largest ball about an attractor inside its basin.
+
+    It is :math:`\min_{a \in A, x \notin B} \lvert x - a \rvert` for the attractor A and its basin B.
 
     For a periodic or chaotic attractor, it is the smallest of the balls about its points.
 
@@ -145,7 +147,9 @@ def largest_ball(
     rng: Rng = 0,
     point_map: PointMap | None = None,
 ) -> Ball:
-    """Compute the largest ball, with any centre, that fits into a basin within its window.
+    r"""Compute the largest ball, with any centre, that fits into a basin within its window.
+
+    Its radius is :math:`\max_c \min_{x \notin B} \lvert x - c \rvert` over all centres c, for the basin B.
 
     Distances are computed by the Euclidean distance transform of the labels, with periodic angles.
 

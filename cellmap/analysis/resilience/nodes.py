@@ -83,7 +83,10 @@ def node_stability(
     point_map: PointMap | None = None,
     max_periods: int | None = None,
 ) -> NodeStability:
-    """Compute single-node basin stability: how probably an attractor survives a disturbance of one node of a network.
+    r"""Compute single-node basin stability: how probably an attractor survives a disturbance of one node of a network.
+
+    For a node k it is :math:`S_k = \int_B \rho(x_k) \prod_{j \ne k} \delta(x_j - a_j) \, dx` for a state a of the
+    attractor with the basin B.
 
     For each node, states are drawn in which the coordinates of this node are random and all others are those of the
     attractor; the fraction that returns is :func:`basin_stability` of that distribution.

@@ -95,7 +95,9 @@ def minimal_fatal_shock(
     point_map: PointMap | None = None,
     max_periods: int | None = None,
 ) -> FatalShock:
-    """Find the minimal fatal shock: the smallest displacement from an attractor that leaves its basin.
+    r"""Find the minimal fatal shock: the smallest displacement from an attractor that leaves its basin.
+
+    Its length is :math:`\min_{a \in A, x \notin B} \lvert x - a \rvert` for the attractor A and its basin B.
 
     Labelled initial conditions outside the basin are the first candidates, by their distance with periodic angles.
     From the nearest of these in different directions on, the map is used: shorter shocks are tried on rays around the

@@ -81,7 +81,9 @@ def survivability(
     confidence: float = 0.95,
     method: str = "exact",
 ) -> Survivability:
-    """Compute survivability: the fraction of random states whose orbits do not leave a region of allowed states.
+    r"""Compute survivability: the fraction of random states whose orbits do not leave a region of allowed states.
+
+    It is the fraction of states x with :math:`\varphi_t(x) \in X^{+}` for all times t up to the horizon.
 
     Orbits of a stroboscopic map are examined at equally spaced times within the periods as well, those of other maps
     at each step.  An orbit that ends, because it diverges for instance, has left.

@@ -100,7 +100,10 @@ def tipping_probabilities(
     match: str | None = None,
     threshold: float = 0.5,
 ) -> TippingProbabilities:
-    """Compute the probabilities with which states of each basin tip to others at a sudden change of a parameter.
+    r"""Compute the probabilities with which states of each basin tip to others at a sudden change of a parameter.
+
+    They are :math:`P_{ij} = \frac{\lvert B_i \cap B'_j \rvert}{\lvert B_i \rvert}` for the basins :math:`B_i`
+    before and :math:`B'_j` after the change.
 
     Parameters
     ----------
