@@ -165,7 +165,7 @@ def _scene(ax: Axes, trajectory: Trajectory, joints: Floats, trace: int) -> Call
     low, high = np.nanmin(joints, axis=(0, 1, 2)), np.nanmax(joints, axis=(0, 1, 2))
     margin = 0.08 * float((high - low).max()) or 1.0
     ax.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
-    ax.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
+    ax.set(aspect="equal", xlabel="$x$ (m)", ylabel="$y$ (m)")
     title = ax.set_title(trajectory.system.name)
     colours = [colour_of(k) for k in range(joints.shape[1])]
     fading = np.linspace(0.0, 1.0, trace + 1)[1:]

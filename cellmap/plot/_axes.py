@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from math import gcd, isclose, pi
@@ -30,6 +31,37 @@ if TYPE_CHECKING:
     from ..bifurcations.equilibrium_stability import StabilityMap
 
 One = TypeVar("One")
+
+_GREEK = (
+    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi chi psi "
+    "omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega"
+).split()
+_SYMBOL = re.compile(rf"(?P<base>[A-Za-z]|{'|'.join(_GREEK)})_?(?P<index>\d+|(?<=_)\w+)?(?P<dots>'{{0,3}})")
+
+
+def symbol(name: str) -> str:
+    r"""Return the name of a variable as mathematics, where it is a letter with what may stand beside one; else itself.
+
+    Examples
+    --------
+    >>> symbol("theta'"), symbol("x_12"), symbol("amplitude")
+    ('$\\dot{\\theta}$', '$x_{12}$', 'amplitude')
+    """
+    found = _SYMBOL.fullmatch(name)
+    if found is None:
+        return name
+    letter = f"\\{found['base']}" if found["base"] in _GREEK else found["base"]
+    letter = f"\\{'d' * len(found['dots'])}ot{{{letter}}}" if found["dots"] else letter
+    index = found["index"] or ""
+    words = index if index.isdigit() else rf"\mathrm{{{index}}}".replace("_", r"\_")
+    return f"${letter}_{{{words}}}$" if index else f"${letter}$"
+
+
+def titled(coordinate: Coordinate) -> str:
+    """Return what stands beside the axis of a coordinate: its symbol, and its unit."""
+    of, between, name = coordinate.name.rpartition(" of ")
+    shown_as = f"{of}{between}{symbol(name)}"
+    return f"{shown_as} ({coordinate.unit})" if coordinate.unit else shown_as
 
 
 def axes_or_new(ax: Axes | None, size: tuple[float, float] | None = None) -> Axes:
@@ -63,7 +95,7 @@ def legend_below(ax: Axes, names: Iterable[tuple[Any, str]], height: float = -0.
 
 def label_axis(axis: Axis, coordinate: Coordinate, span: float) -> None:
     """Name an axis; write an angle whose turn is 2 pi in multiples of pi, unless it spans too little for them."""
-    axis.set_label_text(str(coordinate))
+    axis.set_label_text(titled(coordinate))
     if coordinate.period is not None and isclose(coordinate.period, 2 * pi) and span >= pi:
         axis.set_major_locator(MultipleLocator(pi / 2 if span <= 2.01 * pi else pi))
         axis.set_major_formatter(FuncFormatter(lambda x, _: multiple_of_pi(x)))
@@ -78,7 +110,7 @@ def name_axes(ax: Axes, coordinates: Sequence[Coordinate], spans: Sequence[float
 def name_plane(ax: Axes, result: AttractorAtlas | StabilityMap) -> None:
     """Name the axes of two parameters, and let them end with their values."""
     across, up = result.parameters
-    ax.set(xlabel=across, ylabel=up, xlim=(result.x[0], result.x[-1]), ylim=(result.y[0], result.y[-1]))
+    ax.set(xlabel=symbol(across), ylabel=symbol(up), xlim=(result.x[0], result.x[-1]), ylim=(result.y[0], result.y[-1]))
 
 
 def colour_bar(ax: Axes, drawn: ScalarMappable, label: str) -> None:

@@ -70,7 +70,7 @@ def basins(
     >>> from cellmap import CellGrid, discrete_map, find_basins, plot
     >>> halves = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"))
     >>> plot.basins(find_basins(halves, CellGrid((-1, -1), (1, 1), (8, 8)))).get_xlabel()
-    'x'
+    '$x$'
     """
     wide = _coordinates_of_axes(basins, plane)
     ax = axes_or_new(ax, (7.0, 5.5))
@@ -208,7 +208,7 @@ def certificate(certificate: Certificate, *, ax: Axes | None = None) -> Axes:
     >>> exact = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"))
     >>> grid = CellGrid((-1, -1), (1, 1), (8, 8))
     >>> plot.certificate(certify(find_basins(interpolated_map(exact, grid), grid))).get_xlabel()
-    'x'
+    '$x$'
     """
     basins = certificate.basins
     grid = plane_of(basins)

@@ -15,7 +15,7 @@ from ..analysis.boundary.saddle_sets import ChaoticSaddle
 from ..basins.record import Basins
 from ..maps.coordinates import Coordinate
 from ..orbits.orbit_kinds import PeriodicOrbit
-from ._axes import axes_or_new, cut_at_branch_cuts, label_axis, name_axes, pair_of, several_of
+from ._axes import axes_or_new, cut_at_branch_cuts, label_axis, name_axes, pair_of, several_of, titled
 from ._basins import basins as draw_basins
 from ._draw import figure
 
@@ -53,7 +53,7 @@ def edge_orbit(
     >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, x[1] / 2), {}, ("x", "y"))
     >>> basins = find_basins(cubic, CellGrid((-1.5, -1), (1.5, 1), (60, 40)))
     >>> plot.edge_orbit(edge_orbit(basins, periods=30), basins=basins).get_ylabel()
-    'y'
+    '$y$'
     """
     if len(edge.coordinates) == 1:
         ax = axes_or_new(ax, (7.0, 5.5))
@@ -109,7 +109,7 @@ def manifolds(
     >>> bent = discrete_map(lambda x, p: (2 * x[0], x[1] / 2 + 3.5 * x[0] ** 2), {}, ("x", "y"))
     >>> window = CellGrid((-1, -1), (1, 1), (1, 1))
     >>> plot.manifolds(saddle_manifold(bent, periodic_orbit(bent, [0.1, 0.1]), "unstable", window)).get_xlabel()
-    'x'
+    '$x$'
     """
     curves = several_of("manifolds", manifolds, Manifold, "what saddle_manifold returns, one or several")
     ax = _below(basins, ax)
@@ -195,14 +195,14 @@ def chaotic_saddle(
     >>> from cellmap.analysis.boundary import chaotic_saddle
     >>> tent = discrete_map(lambda x, p: (1.5 - 3 * abs(x[0] - 0.5),), {}, ("x",))
     >>> plot.chaotic_saddle(chaotic_saddle(tent, CellGrid((0,), (1,), (1,)), n_points=100)).get_ylabel()
-    'next x'
+    'next $x$'
     """
     ax = _below(basins, ax)
     style: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": size, "color": "black"}
     style |= {"markeredgewidth": 0.0, "rasterized": True}
     if len(saddle.coordinates) == 1:
         ax.plot(saddle.points[:-1, 0], saddle.points[1:, 0], **style)
-        ax.set(xlabel=str(saddle.coordinates[0]), ylabel=f"next {saddle.coordinates[0]}")
+        ax.set(xlabel=titled(saddle.coordinates[0]), ylabel=f"next {titled(saddle.coordinates[0])}")
         return ax
     columns = list(pair_of("coordinates", coordinates, saddle.coordinates))
     points = saddle.points[:, columns]

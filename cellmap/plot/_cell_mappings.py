@@ -52,7 +52,7 @@ def cell_mapping(mapping: CellMapping, *, ax: Axes | None = None, show_steps: bo
     >>> from cellmap.sets import simple_cell_mapping
     >>> halves = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"))
     >>> plot.cell_mapping(simple_cell_mapping(halves, CellGrid((-1, -1), (1, 1), (9, 9)))).get_xlabel()
-    'x'
+    '$x$'
     """
     coordinates = mapping.point_map.coordinates
     groups = mapping.groups.ravel()

@@ -61,7 +61,7 @@ def draw(result: Any, *, ax: Axes | None = None, **options: Any) -> Axes | tuple
     >>> from cellmap import CellGrid, discrete_map, find_basins, plot
     >>> halves = discrete_map(lambda x, p: (x[0] - 0.1 * x[0] ** 3, 0.5 * x[1]), {}, ("x", "y"))
     >>> plot.draw(find_basins(halves, CellGrid((-1, -1), (1, 1), (8, 8)))).get_xlabel()
-    'x'
+    '$x$'
     """
     room = importlib.import_module(_ROOM)
     like = re.sub(r"(?<!^)(?=[A-Z])", "_", type(result).__name__).lower()

@@ -62,7 +62,7 @@ def exponent_field(
     >>> from cellmap.orbits import finite_time_exponents
     >>> henon = discrete_map(lambda x, p: (1 - 1.4 * x[0]**2 + x[1], 0.3 * x[0]), {}, ("x", "y"))
     >>> plot.exponent_field(finite_time_exponents(henon, CellGrid((-1, -1), (1, 1), (8, 8)), 4)).get_xlabel()
-    'x'
+    '$x$'
     """
     grid = field.grid
     wide = [j for j, n in enumerate(grid.shape) if n > 1]

@@ -15,7 +15,7 @@ from ..bifurcations.circle_branches import CircleBranch, CircleStatus
 from ..bifurcations.connecting_branches import ConnectionBranch
 from ..bifurcations.tongues import ArnoldTongue
 from ..maps.coordinates import difference
-from ._axes import axes_or_new, colour_bar, cut_at_branch_cuts, name_axes, pair_of, several_of
+from ._axes import axes_or_new, colour_bar, cut_at_branch_cuts, name_axes, pair_of, several_of, symbol
 from ._colours import colour_of
 from ._draw import figure
 
@@ -74,7 +74,7 @@ def connections(
         ax.plot(touching, np.zeros(len(touching)), "o", color="black", markersize=4.0, label="tangency")
         if legend:
             ax.legend(fontsize="small", frameon=False)
-    ax.set(xlabel=several[0].parameter, ylabel="angle between the manifolds (rad)")
+    ax.set(xlabel=symbol(several[0].parameter), ylabel="angle between the manifolds (rad)")
     return ax
 
 
@@ -148,7 +148,7 @@ def invariant_circles(
         if not chosen.any():
             ax.lines[-1].remove()
     words = {"rotation": "rotation number", "decay": "decay of Fourier coefficients"}
-    ax.set(xlabel=branch.parameter, ylabel=words[kind])
+    ax.set(xlabel=symbol(branch.parameter), ylabel=words[kind])
     if legend and len(ax.lines):
         ax.legend(fontsize="small", frameon=False)
     return ax
@@ -221,7 +221,7 @@ def arnold_tongues(
         ax.fill(*np.concatenate([left, right[::-1]]).T, color=colour, alpha=0.3, linewidth=0.0, label=name)
         for border in (left, right):
             ax.plot(*border.T, color=colour, linewidth=1.0)
-    ax.set(xlabel=names[0], ylabel=names[1])
+    ax.set(xlabel=symbol(names[0]), ylabel=symbol(names[1]))
     if legend:
         ax.legend(fontsize="small", frameon=False)
     return ax

@@ -14,7 +14,7 @@ from .._lib.checks import is_sequence, listed, shown
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, wrap
 from ..maps.trajectories import Trajectory
-from ._axes import cut_at_branch_cuts, label_axis, name_axes, pair_of
+from ._axes import cut_at_branch_cuts, label_axis, name_axes, pair_of, symbol
 from ._colours import colour_of
 from ._draw import figure
 
@@ -61,7 +61,7 @@ def time_series(
     >>> from cellmap import ForcedSystem, plot, trajectory
     >>> oscillator = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 2 * pi, ("q", "v"))
     >>> [panel.get_ylabel() for panel in plot.time_series(trajectory(oscillator, [1.0, 0.0], periods=3))]
-    ['q', 'v']
+    ['$q$', '$v$']
     """
     _check(trajectory, labels)
     series = _series(trajectory, names)
@@ -81,7 +81,7 @@ def time_series(
         low, high = panel.get_ylim()
         label_axis(panel.yaxis, coordinate, high - low)
         panel.set_xlim(trajectory.times[0], trajectory.times[-1])
-    panels[-1].set_xlabel("t")
+    panels[-1].set_xlabel(symbol("t"))
     if labels is not None:
         panels[0].legend(fontsize="small")
     return panels
@@ -128,7 +128,7 @@ def phase_portrait(
     >>> from cellmap import ForcedSystem, plot, trajectory
     >>> oscillator = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 2 * pi, ("q", "v"))
     >>> plot.phase_portrait(trajectory(oscillator, [1.0, 0.0], periods=1), coordinates=("q", "v")).get_ylabel()
-    'v'
+    '$v$'
     """
     _check(trajectory, labels)
     columns = pair_of("coordinates", coordinates, trajectory.system.axes)

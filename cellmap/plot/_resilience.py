@@ -188,7 +188,7 @@ def fatal_shock(shock: FatalShock, *, basins: Basins, ax: Axes | None = None) ->
     >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, x[1] / 2), {}, ("x", "y"))
     >>> basins = find_basins(cubic, CellGrid((-1.5, -1), (1.5, 1), (60, 40)))
     >>> plot.fatal_shock(minimal_fatal_shock(basins, 0, n_trials=64), basins=basins).get_ylabel()
-    'y'
+    '$y$'
     """
     ax = _on_basins(basins, ax)
     _draw_ball(ax, shock.point, shock.size, shock.scale, basins)
@@ -224,7 +224,7 @@ def ball(ball: Ball, *, basins: Basins, ax: Axes | None = None) -> Axes:
     >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, x[1] / 2), {}, ("x", "y"))
     >>> basins = find_basins(cubic, CellGrid((-1.5, -1), (1.5, 1), (60, 40)))
     >>> plot.ball(largest_ball(basins, 0), basins=basins).get_xlabel()
-    'x'
+    '$x$'
     """
     ax = _on_basins(basins, ax)
     _draw_ball(ax, ball.centre, ball.radius, ball.scale, basins)

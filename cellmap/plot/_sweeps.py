@@ -15,7 +15,7 @@ from ..basins.continuation_record import BasinContinuation
 from ..bifurcations.diagram import BifurcationDiagram
 from ..bifurcations.period_measures import Quantity
 from ..orbits.attractor import Kind
-from ._axes import column_of, label_axis, legend_below, measured_axis
+from ._axes import column_of, label_axis, legend_below, measured_axis, symbol
 from ._colours import Colour, colour_of, label_colours
 from ._draw import figure
 
@@ -65,7 +65,7 @@ def bifurcation_diagram(
     >>> logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 3.0}, ("x",))
     >>> upper, lower = plot.bifurcation_diagram(bifurcation_diagram(logistic, "r", [3.2, 3.5], [0.3]))
     >>> upper.get_ylabel(), lower.get_xlabel()
-    ('x', 'r')
+    ('$x$', '$r$')
     """
     if measure is None:
         column = column_of(coordinate, diagram.coordinates)  # type: ignore[arg-type]
@@ -83,7 +83,7 @@ def bifurcation_diagram(
     _draw_points(drawn[0], diagram, places, size)
     finite = places[np.isfinite(places)]
     label_axis(drawn[0].yaxis, shown_as, float(np.ptp(finite)) if finite.size else 0.0)
-    drawn[-1].set_xlabel(diagram.parameter)
+    drawn[-1].set_xlabel(symbol(diagram.parameter))
     drawn[0].set_title(diagram.system)
     return drawn
 
@@ -179,7 +179,7 @@ def basin_continuation(
     >>> sweep = continue_basins(wells, "a", [0.5, 0.9, 1.5], CellGrid((-1,), (1,), (100,)))
     >>> upper, lower = plot.basin_continuation(sweep)
     >>> upper.get_ylabel(), lower.get_ylabel()
-    ('fraction of initial conditions', 'x')
+    ('fraction of initial conditions', '$x$')
     """
     if not len(continuation.values):
         raise ValueError(f"continuation={continuation!r} has no values: there is nothing to draw")
@@ -194,7 +194,7 @@ def basin_continuation(
     upper.stackplot(continuation.values, continuation.fractions.T, colors=list(palette.values()), linewidth=0.0)
     upper.set(ylim=(0.0, 1.0), ylabel="fraction of initial conditions", title=continuation.system)
     upper.margins(x=0.0)
-    drawn[-1].set_xlabel(continuation.parameter)
+    drawn[-1].set_xlabel(symbol(continuation.parameter))
     if legend:
         legend_below(drawn[-1], [(c, continuation.label_name(label)) for label, c in palette.items()], -0.14)
     return drawn

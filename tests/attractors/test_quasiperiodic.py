@@ -254,7 +254,7 @@ def test_followed_over_parameters(logistic_basins):
 
 
 def test_drawn(logistic_basins):
-    assert plot.basins(logistic_basins).get_xlabel() == "x"
+    assert plot.basins(logistic_basins).get_xlabel() == "$x$"
     assert "quasi-periodic, rotation number 0.156106" in logistic_basins.label_name(0)
 
 

@@ -312,7 +312,7 @@ def test_figure(tilted_sweep):
         line.get_markerfacecolor() and list(mpl.colors.to_rgb(line.get_color())) for line in lower.get_lines()
     ]
     assert [line.get_xdata().size for line in lower.get_lines()] == tilted_sweep.present.sum(axis=0).tolist()
-    assert (lower.get_xlabel(), lower.get_ylabel()) == ("c", "x")
+    assert (lower.get_xlabel(), lower.get_ylabel()) == ("$c$", "$x$")
 
 
 def test_figure_on_given_axes(tilted_sweep):

@@ -307,13 +307,13 @@ def test_figure_shows_all_points(duffing):
     drawn = [line for line in upper.get_lines() if line.get_marker() == "."]
     assert [line.get_xdata().size for line in drawn] == [26 * 64] * 2
     assert {t.get_text() for t in upper.get_legend().get_texts()} == {"up", "down"}
-    assert (upper.get_ylabel(), lower.get_xlabel(), upper.get_title()) == ("x", "frequency", "Duffing")
+    assert (upper.get_ylabel(), lower.get_xlabel(), upper.get_title()) == ("$x$", "frequency", "Duffing")
 
 
 def test_figure_on_given_axes(duffing):
     _, ax = plt.subplots()
     assert plot.bifurcation_diagram(duffing, coordinate=1, ax=ax) == (ax,)
-    assert (ax.get_ylabel(), ax.get_xlabel()) == ("v", "frequency")
+    assert (ax.get_ylabel(), ax.get_xlabel()) == ("$v$", "frequency")
 
 
 @pytest.mark.parametrize(("coordinate", "message"), [("y", "coordinate='y'"), (2, "coordinate=2")])

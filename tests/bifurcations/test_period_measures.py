@@ -97,7 +97,7 @@ def test_points_of_discrete_orbits_stand_for_all_times() -> None:
         expected = (r + 1.0 + sign * np.sqrt((r - 3.0) * (r + 1.0))) / (2.0 * r)
         np.testing.assert_allclose(second.measure(0, measure), expected, rtol=1e-10)
     ax = plot.branches([first, second], measure="maximum")
-    assert ax.get_ylabel() == "maximum of x"
+    assert ax.get_ylabel() == "maximum of $x$"
 
 
 def test_an_angle_that_rotates_has_no_measure_and_its_velocity_has() -> None:
@@ -133,7 +133,7 @@ def test_sweeps_have_the_measures_of_the_branch_that_they_follow(resonance: Bran
     for row in amplitude:
         np.testing.assert_allclose(row[[0, 2]], resonance.measure("x", "amplitude")[[0, -1]], rtol=1e-6)
     (ax,) = plot.bifurcation_diagram(response, coordinate="x", measure="amplitude", ax=plt.figure().subplots())
-    assert ax.get_ylabel() == "amplitude of x"
+    assert ax.get_ylabel() == "amplitude of $x$"
     np.testing.assert_allclose(ax.get_lines()[0].get_ydata(), amplitude[1], rtol=1e-12)
 
 

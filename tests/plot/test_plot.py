@@ -66,7 +66,7 @@ def image_of(ax) -> np.ndarray:
 
 def test_axes_have_names_and_units(pendulum):
     ax = plot.basins(pendulum)
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("theta (rad)", "theta' (rad/s)")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\theta$ (rad)", r"$\dot{\theta}$ (rad/s)")
     assert ax.get_title() == "driven pendulum"
     assert ax.get_xlim() == pytest.approx((-pi, pi))
     assert ax.get_ylim() == pytest.approx((-500.0, 500.0))
@@ -100,7 +100,7 @@ def test_angle_in_degrees_is_not_in_multiples_of_pi():
     exact = discrete_map(lambda x, p: (x[0] / 2, x[1] / 2), {}, (angle("phi", "deg", 360.0), "y"))
     ax = plot.basins(find_basins(exact, CellGrid((-180, -1), (180, 1), (8, 8))))
     ax.figure.canvas.draw()
-    assert ax.get_xlabel() == "phi (deg)"
+    assert ax.get_xlabel() == r"$\phi$ (deg)"
     assert not any("pi" in t.get_text() for t in ax.get_xticklabels())
 
 
@@ -134,7 +134,7 @@ def test_slice_of_more_dimensions():
     exact = discrete_map(lambda x, p: (x[0] / 2, tanh(2 * x[1]), x[2] / 2, x[3] / 2), {}, tuple("abcd"))
     basins = find_basins(exact, CellGrid((-1,) * 4, (1,) * 4, (1, 6, 1, 3)))
     ax = plot.basins(basins)
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("b", "d")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$b$", "$d$")
     assert np.array_equal(np.unique(image_of(ax), axis=0).shape, (1, 6, 3))
 
 
@@ -333,13 +333,13 @@ def test_basins_of_lines_and_of_lists():
     line = discrete_map(lambda x, p: (1.5 * x[0] - x[0] ** 3,), {}, ("x",))
     strip = plot.basins(find_basins(line, CellGrid((-1.5,), (1.5,), (30,))))
     assert strip.images[0].get_array().shape == (1, 30, 3)
-    assert strip.get_xlabel() == "x"
+    assert strip.get_xlabel() == "$x$"
     ax = plot.basins(find_basins(line, np.linspace(-1.2, 1.1, 40)[:, None]))
     assert sum(len(drawn.get_xdata()) for drawn in ax.lines[:2]) == 40
     space = discrete_map(lambda x, p: (1.5 * x[0] - x[0] ** 3, 0.5 * x[1], 0.3 * x[2]), {}, ("x", "y", "z"))
     basins = find_basins(space, np.random.default_rng(0).uniform(-1, 1, (50, 3)))
     ax = plot.basins(basins, plane=("z", 0))
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("z", "x")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$z$", "$x$")
     drawn = np.concatenate([line.get_xydata() for line in ax.lines[:2]])
     assert {tuple(row) for row in drawn} == {tuple(row) for row in basins.initial_conditions[:, [2, 0]]}
     mpl.pyplot.close("all")

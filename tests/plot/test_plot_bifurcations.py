@@ -84,7 +84,7 @@ def test_stable_parts_are_solid_and_end_at_bifurcations(logistic: Branch) -> Non
     np.testing.assert_allclose(marks(ax, "X"), [[1.0, 0.0]], atol=1e-12)
     np.testing.assert_allclose(marks(ax, "o"), [[3.0, 2.0 / 3.0]], rtol=1e-12)
     assert legend_of(ax) == ["stable", "unstable", "period doubling", "transcritical"]
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("mu", "x")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\mu$", "$x$")
 
 
 def test_all_points_of_an_orbit_or_the_first(logistic: Branch) -> None:
@@ -188,7 +188,7 @@ def test_classes_are_those_of_the_map(henon: StabilityMap) -> None:
     assert mesh.to_rgba(0)[:3] == (1.0, 1.0, 1.0)
     assert ax.patch.get_hatch()
     assert legend_of(ax) == ["stable", "1 multiplier outside", "no orbit", "multiplier −1"]
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("a", "b")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$a$", "$b$")
     assert (*ax.get_xlim(), *ax.get_ylim()) == (-0.6, 1.2, -0.5, 0.5)
 
 
@@ -285,7 +285,7 @@ def test_curves_of_bifurcations_have_their_points_of_codimension_two() -> None:
     ax = plot.bifurcation_curves(curves)
     assert [t.get_text() for t in ax.texts] == ["1:1", "1:2"]
     assert legend_of(ax)[:2] == ["fold", "period doubling"]
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("a", "b")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$a$", "$b$")
     np.testing.assert_allclose(marks(ax, "o"), [[-1.0, -1.0], [3.0, -1.0]], atol=1e-10)
     a, b = curves[1].values.T
     np.testing.assert_allclose(a, 0.75 * (1.0 - b) ** 2, atol=1e-11)

@@ -70,7 +70,7 @@ def test_circles_are_curves_that_close(circles: CircleBranch) -> None:
     assert np.hypot(x[0] - x[-1], y[0] - y[-1]) < 1e-12
     # Each point is above the one before it: (x, y) -> (., x).
     assert np.ptp(x) == pytest.approx(np.ptp(y), rel=1e-3)
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("y", "x")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$y$", "$x$")
     with pytest.raises(ValueError, match="show='curves'"):
         plot.invariant_circles(circles, show="curves")
     with pytest.raises(ValueError, match=r"the coordinates are \['x', 'y'\]"):

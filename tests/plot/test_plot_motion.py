@@ -111,8 +111,8 @@ def test_gaps_stay_gaps():
 
 def test_a_panel_for_each_coordinate_and_a_curve_for_each_initial_condition(motion):
     panels = plot.time_series(motion)
-    assert [p.get_ylabel() for p in panels] == ["theta (rad)", "v (rad/s)"]
-    assert panels[-1].get_xlabel() == "t"
+    assert [p.get_ylabel() for p in panels] == [r"$\theta$ (rad)", "$v$ (rad/s)"]
+    assert panels[-1].get_xlabel() == "$t$"
     assert panels[0].get_title() == "pendulum"
     for panel in panels:
         assert len(curves(panel)) == len(marks(panel)) == 2
@@ -153,7 +153,7 @@ def test_small_swings_have_plain_ticks():
 
 def test_outputs_are_drawn_component_by_component(motion):
     panels = plot.time_series(motion, names=("v", "energy", "tip"))
-    assert [p.get_ylabel() for p in panels] == ["v (rad/s)", "energy", "tip[0]", "tip[1]", "tip[2]"]
+    assert [p.get_ylabel() for p in panels] == ["$v$ (rad/s)", "energy", "tip[0]", "tip[1]", "tip[2]"]
     assert np.array_equal(curves(panels[1])[0].get_ydata(), motion.output("energy")[:, 0, 0])
 
 
@@ -205,7 +205,7 @@ def test_time_series_checks_its_arguments(motion, arguments, error, message):
 def test_portrait_on_the_circle(motion):
     ax = plot.phase_portrait(motion, labels=["swing", "turn"])
     ax.figure.canvas.draw()
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("theta (rad)", "v (rad/s)")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\theta$ (rad)", "$v$ (rad/s)")
     assert ax.get_xlim() == pytest.approx((-pi, pi))
     ticks = [t.get_text() for t, x in zip(ax.get_xticklabels(), ax.get_xticks(), strict=True) if abs(x) < pi + 1e-9]
     assert ticks == [r"$-\pi$", r"$-\pi/2$", "0", r"$\pi/2$", r"$\pi$"]
@@ -218,7 +218,7 @@ def test_portrait_on_the_circle(motion):
 
 def test_portrait_by_names_with_an_angle_upwards(motion):
     ax = plot.phase_portrait(motion, coordinates=("v", "theta"), stroboscopic=False)
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("v (rad/s)", "theta (rad)")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$v$ (rad/s)", r"$\theta$ (rad)")
     assert ax.get_ylim() == pytest.approx((-pi, pi))
     assert marks(ax) == []
     assert plot.phase_portrait(motion, ax=ax) is ax

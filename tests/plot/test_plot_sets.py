@@ -23,7 +23,7 @@ def test_boxes_are_drawn_where_they_are():
     corners = [path.vertices[:4] for path in ax.collections[0].get_paths()]
     np.testing.assert_allclose(corners[0], [[0, 1], [1, 1], [1, 2], [0, 2]])
     np.testing.assert_allclose(corners[1], [[3, 0], [4, 0], [4, 1], [3, 1]])
-    assert (ax.get_xlim(), ax.get_ylim(), ax.get_xlabel()) == ((0, 4), (0, 2), "q")
+    assert (ax.get_xlim(), ax.get_ylim(), ax.get_xlabel()) == ((0, 4), (0, 2), "$q$")
 
 
 def test_values_are_colours_and_heights():

@@ -219,12 +219,12 @@ def test_figures() -> None:
     assert np.array_equal(line.get_ydata(), np.exp(found.fit.y[found.fit.inside]))
     alone = chaotic_saddle(tent(3.0), UNIT, n_points=100)
     ax = plot.chaotic_saddle(alone)
-    assert ax.get_xlabel() == "x"
+    assert ax.get_xlabel() == "$x$"
     assert np.array_equal(ax.get_lines()[0].get_xydata(), np.hstack([alone.points[:-1], alone.points[1:]]))
     horseshoe = chaotic_saddle(
         henon_map(6.0, 0.4), CellGrid((-1.5, -0.6), (1.5, 0.6), (1, 1)), n_points=100, lifetime=10
     )
-    assert plot.chaotic_saddle(horseshoe, coordinates=("y", "x")).get_xlabel() == "y"
+    assert plot.chaotic_saddle(horseshoe, coordinates=("y", "x")).get_xlabel() == "$y$"
     assert "\n" not in repr(horseshoe) + repr(found)
     with pytest.raises(TypeError, match="chaotic_saddle"):
         plot.chaotic_saddle(found)  # type: ignore[arg-type]

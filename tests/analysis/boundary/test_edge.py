@@ -183,7 +183,7 @@ def test_figures(pendulum: Basins, wells: Basins) -> None:
     clouds = [np.asarray(c.get_offsets()) for c in ax.collections if len(c.get_offsets()) == len(edge.points)]
     assert any(np.array_equal(cloud, edge.points) for cloud in clouds)
     assert ax.get_xlim() == pytest.approx((-pi, pi))
-    assert plot.edge_orbit(edge, coordinates=("theta'", "theta")).get_ylabel().startswith("theta")
+    assert plot.edge_orbit(edge, coordinates=("theta'", "theta")).get_ylabel().startswith(r"$\theta$")
     plot.fit(edge.growth)
     with pytest.raises(TypeError, match="edge_orbit"):
         plot.edge_orbit(wells)  # type: ignore[arg-type]
