@@ -63,7 +63,7 @@ def with_steps(pass_over: Pass, boxes: int, rows: int, order: int) -> Floats:
         found[left[better]] = new[better]
         again = _needed(new[:, -1], steps, order) > _MORE * steps
         if not enclosed.all():
-            some = _sample(left[~enclosed])
+            some = sample(left[~enclosed])
             again &= enclosed | np.isfinite(pass_over(some, min(_HOPE * steps, most))).all(axis=1).any()
         left = left[again]
         if left.size:
@@ -74,7 +74,7 @@ def with_steps(pass_over: Pass, boxes: int, rows: int, order: int) -> Floats:
 
 def _first_steps(pass_over: Pass, boxes: int, order: int) -> int:
     """Return the number of steps that three in four of a sample of boxes need at most."""
-    some, steps, least = _sample(np.arange(boxes)), _FIRST, _FEWEST
+    some, steps, least = sample(np.arange(boxes)), _FIRST, _FEWEST
     for _ in range(_ROUNDS if boxes else 0):
         new = pass_over(some, steps)
         typical = float(np.quantile(_needed(new[:, -1], steps, order), 0.75))
@@ -93,7 +93,8 @@ def _needed(remainders: Floats, steps: int, order: int) -> Floats:
     return np.where(np.isfinite(needed), np.clip(needed, 0.5 * steps, 4.0 * steps), 2.0 * steps)
 
 
-def _sample(members: Ints) -> Ints:
+def sample(members: Ints) -> Ints:
+    """Return some of the members, evenly spread."""
     return members[np.unique(np.linspace(0, len(members) - 1, min(len(members), _SAMPLE)).astype(np.int64))]
 
 

@@ -16,10 +16,13 @@ from .._lib.checks import finite_number, known_parameter, pair_of, real_array, s
 from .._lib.stopping import check_stop
 from .._lib.threads import run_over, slices
 from .discrete import Discrete
-from .enclosed_periods import best_order, period_of, times_of_steps, with_steps
+from .enclosed_periods import best_order, period_of, sample, times_of_steps, with_steps
 from .point_map import PointMap
 from .stroboscopic import Stroboscopic
 
+_COARSE = 0.1  # spread relative to half-widths, beyond which second derivatives are worth their work
+_MANY = 0.25  # of a sample
+_FEW = 3  # states, up to which they are compiled
 _WIDEST = 8  # lanes of a vector
 _TOGETHER = 1024  # boxes of a task; what depends on time alone is computed once for them
 
@@ -40,6 +43,9 @@ class MeanValueForms:
         Enclosure of the images of the centres; angles are not wrapped.
     derivatives, derivative_radii : ndarray, shape (n, d, d)
         Enclosure of the derivatives DF(x) at all points x of the box.
+    spreads : ndarray, shape (n, d)
+        Bounds of ``abs(F(x) - images - derivatives (x - centre))`` for all points x of the box, which are what the
+        radii say, or less.
     proved : ndarray of bool, shape (n,)
         False where there is no enclosure; all numbers of the row are NaN then.
     """
@@ -48,6 +54,7 @@ class MeanValueForms:
     image_radii: Floats
     derivatives: Floats
     derivative_radii: Floats
+    spreads: Floats
     proved: Bools
 
     def __repr__(self) -> str:
@@ -113,17 +120,32 @@ def enclosed_images(
         if isinstance(spec, Discrete):
             kernel = spec.enclosure()
             return _forms(kernel.rows, _enclosed(kernel, c, w, p))
-        kernel = spec.enclosure(best_order(c, w))
-        begin, length = period_of(spec.system, spec.phase, p, exact=not parameters)
+        return _over_a_period(spec, c, w, p, exact=not parameters)
     except UntraceableError as error:
         raise ValueError(
             f"point_map={point_map!r}: {error}; write the function with analytic functions and without branches"
         ) from error
 
-    def pass_over(members: Ints, steps: int) -> Floats:
-        return _enclosed(kernel, c[members], w[members], p, *times_of_steps(begin, length, steps))
 
-    return _forms(kernel.rows, with_steps(pass_over, len(c), kernel.rows.count, kernel.order))
+def _over_a_period(spec: Stroboscopic, c: Floats, w: Floats, p: Floats, exact: bool) -> MeanValueForms:
+    """Return enclosures of a flow, with second derivatives if a sample of boxes is known too coarsely without them."""
+    begin, length = period_of(spec.system, spec.phase, p, exact)
+    order = best_order(c, w)
+
+    def forms_of(members: Ints, second: bool) -> MeanValueForms:
+        kernel, centres, half_widths = spec.enclosure(order, second), c[members], w[members]
+
+        def pass_over(some: Ints, steps: int) -> Floats:
+            return _enclosed(kernel, centres[some], half_widths[some], p, *times_of_steps(begin, length, steps))
+
+        return _forms(kernel.rows, with_steps(pass_over, len(members), kernel.rows.count, order))
+
+    everything = np.arange(len(c))
+    some = sample(everything)
+    tried = forms_of(some, second=False)
+    coarse = (tried.spreads > _COARSE * w[some]) & (w[some] > 0.0)
+    second = spec.system.dimension <= _FEW and len(c) > 0 and float(np.mean(coarse.any(axis=1))) > _MANY
+    return tried if len(some) == len(c) and not second else forms_of(everything, second)
 
 
 def _enclosed(kernel: CompiledEnclosure, c: Floats, w: Floats, p: Floats, *steps: Any) -> Floats:
@@ -215,5 +237,6 @@ def _forms(rows: Rows, found: Floats) -> MeanValueForms:
     d, n = rows.d, len(found)
     proved = np.asarray(np.isfinite(found[:, : rows.remainder]).all(axis=1))
     found[~proved] = np.nan
+    images, radii, spreads = (found[:, r] for r in (rows.images, rows.image_radii, rows.spreads))
     derivatives, derivative_radii = (found[:, r].reshape(n, d, d) for r in (rows.derivatives, rows.derivative_radii))
-    return MeanValueForms(found[:, rows.images], found[:, rows.image_radii], derivatives, derivative_radii, proved)
+    return MeanValueForms(images, radii, derivatives, derivative_radii, spreads, proved)

@@ -221,10 +221,10 @@ class Stroboscopic(MapSpec[PointMap]):
         flows = [replace(first, begin=self.phase * s.length + k * first.length) for k in range(count)]
         return tuple(functools.partial(tangent_by_lanes, f, dimension=s.dimension, together=f.vectors) for f in flows)
 
-    def enclosure(self, order: int) -> CompiledEnclosure:
-        """Return the compiled enclosure of periods of boxes, with series of an order."""
+    def enclosure(self, order: int, second: bool) -> CompiledEnclosure:
+        """Return the compiled enclosure of periods of boxes, with series of an order and second derivatives or not."""
         s = self.system
-        return period_enclosure(s.rhs, s.dimension, tuple(s.params), order)
+        return period_enclosure(s.rhs, s.dimension, tuple(s.params), order, second)
 
     @property
     def recipe(self) -> dict[str, Any]:

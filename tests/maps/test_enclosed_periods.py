@@ -15,7 +15,7 @@ from extended_integration import LONG, extrapolated
 from test_enclosures import formula
 
 from cellmap import ForcedSystem, PointMap, angle, set_threads, stroboscopic_map
-from cellmap.maps import Impact, enclosed_periods
+from cellmap.maps import Impact, enclosed_periods, enclosures
 from cellmap.maps.enclosures import MeanValueForms, enclosed_images
 
 PARAMETERS = {"g": 0.05, "a": 0.3, "k": 0.7, "w": 1.25}
@@ -25,6 +25,7 @@ TEXTS = {
     "rational": "y - 0.1 * x, tanh(p.a * x) - y / (1.5 + sin(p.w * t) + x * x) - sqrt(1.1 + cos(x)) + exp(-(y**2))",
     "autonomous": "y, (1.0 - x * x) * y - x + 0.1 * atan(x) + 0.1 * log(3.0 + y * y)",
 }
+NEVER = 1e9
 NUMPY = {"atan": np.arctan, "asin": np.arcsin, "acos": np.arccos, "asinh": np.arcsinh, "acosh": np.arccosh}
 NUMPY |= {"atanh": np.arctanh}
 
@@ -61,7 +62,7 @@ def worst_of(
     image = extrapolated(lambda t, s: rhs(t, s, p), LONG(0.3 * length), start, LONG(length), steps, 10)
     off = np.abs(np.array(image).T - forms.images[rows] - np.einsum("nij,nj->ni", LONG(forms.derivatives[rows]), shift))
     bound = forms.image_radii[rows] + np.einsum("nij,nj->ni", forms.derivative_radii[rows], np.abs(shift))
-    return float(np.max(off / bound, initial=0.0))
+    return float(max(np.max(off / bound, initial=0.0), np.max(off / forms.spreads[rows], initial=0.0)))
 
 
 def boxes(rng: Any, count: int, size: float = 1.5) -> tuple[Any, Any]:
@@ -74,11 +75,14 @@ def boxes(rng: Any, count: int, size: float = 1.5) -> tuple[Any, Any]:
 def short_series(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compile short series: they take a fraction of the time."""
     monkeypatch.setattr(enclosed_periods, "_ORDERS", (5,))
+    monkeypatch.setattr(enclosures, "_COARSE", NEVER)
 
 
 @pytest.mark.parametrize("name", TEXTS)
-def test_points_of_boxes_in_extended_precision(name: str) -> None:
+def test_points_of_boxes_in_extended_precision(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(1)
+    if name in {"Duffing", "autonomous"}:
+        monkeypatch.setattr(enclosures, "_COARSE", 0.0)
     centres, halves = boxes(rng, 40)
     forms = enclosed_images(flow_of(TEXTS[name]), centres, halves)
     assert forms.proved.mean() > 0.95
@@ -147,6 +151,16 @@ def test_narrower_boxes_have_narrower_enclosures() -> None:
     assert excess[0] < 0.1
     assert excess[1] < 0.02
     assert excess[2] < 0.02
+
+
+def test_second_derivatives_make_enclosures_narrower(monkeypatch: pytest.MonkeyPatch) -> None:
+    centres, halves, spreads = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 2)), np.full((20, 2), 4e-3), []
+    for coarse in (NEVER, 0.0):
+        monkeypatch.setattr(enclosures, "_COARSE", coarse)
+        forms = enclosed_images(flow_of(TEXTS["Duffing"]), centres, halves)
+        assert worst_of(forms, TEXTS["Duffing"], centres, halves, np.random.default_rng(0), PARAMETERS) < 1.0
+        spreads.append(np.median(forms.spreads))
+    assert spreads[1] < 0.2 * spreads[0]
 
 
 def test_any_number_of_threads_gives_the_same_bits() -> None:

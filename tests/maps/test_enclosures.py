@@ -23,6 +23,10 @@ EXACT: dict[str, Any] = {name: getattr(mpmath, name, None) for name in (*OF_ONE,
 EXACT |= {"exp2": lambda a: mpmath.exp(a * mpmath.log(2)), "log2": lambda a: mpmath.log(a) / mpmath.log(2)}
 
 
+NOISE = 1e-37
+"""Rounding of numbers with forty digits."""
+
+
 def formula(rng: random.Random, depth: int, names: str = "xyk") -> str:
     """Return a formula of x, y and a parameter k, none of whose parts is a number alone."""
     if depth == 0 or rng.random() < 0.1:
@@ -61,7 +65,8 @@ def distance(forms: MeanValueForms, row: Any, centre: Any, image: Callable[..., 
                 d, r = forms.derivatives[row, i, j], forms.derivative_radii[row, i, j]
                 along, within = along + mpmath.mpf(float(d)) * s, within + mpmath.mpf(float(r)) * abs(s)
             off = abs(value[i] - mpmath.mpf(float(middle[i])) - along)
-            ratios.append(off / within if within else mpmath.mpf(2 if off > 1e-38 else 0))
+            off = max(off - NOISE * (1 + abs(value[i])), mpmath.mpf(0))
+            ratios.append(off / within if within else mpmath.mpf(2 if off else 0))
 
     c = mpmath.matrix([mpmath.mpf(float(v)) for v in centre])
     for (x, y), (x2, y2) in zip(known, [*known[1:], known[0]], strict=True):
@@ -174,3 +179,10 @@ def test_maps_without_enclosures_say_why() -> None:
         enclosed_images(henon(), [[0.5, 0.5]], [0.1, 0.1], parameters={"c": (0.0, 1.0)})
     with pytest.raises(ValueError, match="give the lower end first"):
         enclosed_images(henon(), [[0.5, 0.5]], [0.1, 0.1], parameters={"a": (2.0, 1.0)})
+
+
+@pytest.mark.parametrize(
+    "text", ["(y + y) / (-1.577)", "3.3 * (0.1 * x) + x", "0.7 * x * (0.3 * x)", "log2(x + 3.0)", "(x + 3.0)**-3"]
+)
+def test_numbers_in_derivatives_are_not_rounded(text: str) -> None:
+    assert attacked(text, random.Random(0), 10)[1] <= 1

@@ -69,9 +69,9 @@ def _simplified(graph: Graph, outputs: Sequence[Expression]) -> tuple[Expression
         if operation in {"mul", "add"}:
             (a, x), (b, y) = map(parts, arguments)
             if operation == "mul" and x is not None and y is not None:
-                return graph.apply("mul", a * b, graph.apply("mul", x, y))
+                return graph.apply("mul", graph.apply("mul", a, b), graph.apply("mul", x, y))
             if operation == "add" and x is y and x is not None:
-                return graph.apply("mul", a + b, x)
+                return graph.apply("mul", graph.apply("add", a, b), x)
         return graph.apply(operation, *arguments)
 
     return graph.substituted(outputs, {}, apply)

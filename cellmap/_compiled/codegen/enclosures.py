@@ -15,131 +15,59 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 from typing import Any
 
 from ..._lib.arrays import Floats
 from ..machine_code import MachineCode, machine_code, vector_width
 from .derivative import along
 from .emit import evaluate, inputs
-from .expression import Expression, UntraceableError, in_order
-from .functions import TABLE
-from .instructions import Instructions, module_text
-from .interval_functions import ENCLOSED
-from .intervals import Enclosing, Interval
+from .exact_formulas import enclosable
+from .expression import Expression, in_order
+from .instructions import Instructions, Value, module_text
+from .intervals import Enclosing, Interval, products, widened
 from .trace import STATEFUL, Trace
-
-ARITHMETIC = frozenset({"add", "sub", "mul", "div", "neg"})
-LARGEST_POWER = 1024
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows of the array ``state`` of boxes in d dimensions.
+    """Rows of the array ``state`` of boxes in d dimensions; those of matrices row by row.
 
-    Half-widths, then midpoints and radii of images, then of the derivatives, row by row.  Midpoints of images hold the
-    centres before.  Flows keep errors in a moving frame as well: its axes, and the sizes of the errors of derivatives
-    and images along them.
+    Half-widths; midpoints and radii of images, and of the derivatives over the boxes; and the distances from the
+    midpoints that F(x) - D (x - c) keeps to, with D the midpoints of the derivatives.  Midpoints of images hold the
+    centres before.
+
+    Flows keep errors in a moving frame as well: its axes, and the sizes of errors along them.  Of second order they
+    have the second derivatives over the boxes, for each of the `pairs` of coordinates, and errors of these.
+    ``remainder`` sums the largest remainder of a series over the steps, relative to the size of the set.
     """
 
-    d: int
+    half_widths: range
+    images: range
+    image_radii: range
+    derivatives: range
+    derivative_radii: range
+    spreads: range
+    frame: range
+    image_errors: range
+    derivative_errors: range
+    curvatures: range
+    curvature_errors: range
+    remainder: int
+    count: int
+
+    @classmethod
+    def of(cls, d: int, pairs: int = 0) -> Rows:
+        """Return the rows for boxes in d dimensions."""
+        sizes = [d, d, d, d * d, d * d, d, d * d, d, d * d, pairs * d, pairs * d]
+        ends = [0, *accumulate(sizes)]
+        rows: list[Any] = [*(range(*pair) for pair in pairwise(ends)), ends[-1], ends[-1] + 1]
+        return cls(*rows)
 
     @property
-    def half_widths(self) -> range:
-        """Half-widths of the boxes."""
-        return range(self.d)
-
-    @property
-    def images(self) -> range:
-        """Centres, then midpoints of their images."""
-        return range(self.d, 2 * self.d)
-
-    @property
-    def image_radii(self) -> range:
-        """Radii of images."""
-        return range(2 * self.d, 3 * self.d)
-
-    @property
-    def derivatives(self) -> range:
-        """Midpoints of derivatives."""
-        return range(3 * self.d, (3 + self.d) * self.d)
-
-    @property
-    def derivative_radii(self) -> range:
-        """Radii of derivatives."""
-        return range((3 + self.d) * self.d, (3 + 2 * self.d) * self.d)
-
-    @property
-    def frame(self) -> range:
-        """Components of the axes of the frame, row by row."""
-        return range((3 + 2 * self.d) * self.d, (3 + 3 * self.d) * self.d)
-
-    @property
-    def derivative_errors(self) -> range:
-        """Errors of the derivatives along the axes, row by row."""
-        return range((3 + 3 * self.d) * self.d, (3 + 4 * self.d) * self.d)
-
-    @property
-    def image_errors(self) -> range:
-        """Errors of the images along the axes."""
-        return range((3 + 4 * self.d) * self.d, (4 + 4 * self.d) * self.d)
-
-    @property
-    def remainder(self) -> int:
-        """Sum over the steps of the largest remainder of a series, relative to the size of the set."""
-        return (4 + 4 * self.d) * self.d
-
-    @property
-    def count(self) -> int:
-        """Number of rows."""
-        return self.remainder + 1
-
-
-def enclosable(trace: Trace) -> Trace:
-    """Return a trace in terms of the functions that are enclosed, in exact identities.
-
-    Raises
-    ------
-    UntraceableError
-        For functions that are not enclosed, among them all that are not analytic.
-    """
-    graph = trace.graph
-
-    def unfolded(name: str, value: float) -> Expression:  # a number that no float is
-        return graph.node(name, (graph.constant(value),))
-
-    def apply(operation: str, *arguments: Expression) -> Expression:
-        if operation in ARITHMETIC or operation in ENCLOSED:
-            return graph.apply(operation, *arguments)
-        a = arguments[0]
-        match operation:
-            case "exp2":
-                return graph.apply("exp", unfolded("log", 2.0) * a)
-            case "log2" | "log10":
-                return graph.apply("log", a) / unfolded("log", 2.0 if operation == "log2" else 10.0)
-            case "acos":
-                return 2.0 * unfolded("atan", 1.0) - apply("asin", a)
-            case "acosh":
-                return graph.apply("log", a + graph.apply("sqrt", (a - 1.0) * (a + 1.0)))
-            case "pow":
-                return _power(graph, a, arguments[1])
-            case "asin" | "asinh" | "atanh" | "expm1" | "log1p" | "hypot":
-                parts = TABLE[operation].in_parts
-                assert parts is not None, "the table has them"
-                found: Expression = parts(*arguments)
-                return found
-        what = "a branch" if operation in {"select", "side"} else operation
-        raise UntraceableError(f"{what} is not enclosed, for it is not analytic or its error is not bounded here")
-
-    return replace(trace, outputs=graph.substituted(trace.outputs, {}, apply))
-
-
-def _power(graph: Any, base: Expression, exponent: Expression) -> Expression:
-    value = exponent.value if exponent.operation == "constant" else 0.5
-    if value == int(value) and abs(value) <= LARGEST_POWER:
-        whole: Expression = graph._whole_power(base, abs(int(value)))
-        return whole if value >= 0 else 1.0 / whole
-    power: Expression = graph.apply("exp", exponent * graph.apply("log", base))
-    return power
+    def d(self) -> int:
+        """Number of state variables."""
+        return len(self.images)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,28 +92,32 @@ class CompiledEnclosure:
 
 def discrete_enclosure(trace: Trace, parameters: int) -> CompiledEnclosure:
     """Compile the enclosure of a traced discrete map."""
-    rows = Rows(len(trace.states))
+    rows = Rows.of(len(trace.states))
     return CompiledEnclosure(rows, 0, machine_code(discrete_text(enclosable(trace), parameters, vector_width())))
 
 
 def discrete_text(trace: Trace, parameters: int, width: int) -> str:
     """Return the text of a module with the function ``enclose`` of a discrete map."""
-    graph, rows = trace.graph, Rows(len(trace.states))
+    graph, rows = trace.graph, Rows.of(len(trace.states))
     one = graph.constant(1.0)
     columns = [along(graph, trace.outputs, {x: one}) for x in trace.states]
     entries = [e for row in zip(*columns, strict=True) for e in row]
     lanes = Lanes(width, parameters)
+    values: list[list[Interval]] = []
     with lanes.boxes() as box:
+        half_widths = [lanes.number(box, k).m for k in rows.half_widths]
         centre = [lanes.number(box, k) for k in rows.images]
         over = [lanes.interval(box, *pair) for pair in zip(rows.images, rows.half_widths, strict=True)]
         for outputs, x, midpoints, radii in (
             (trace.outputs, centre, rows.images, rows.image_radii),
             (entries, over, rows.derivatives, rows.derivative_radii),
         ):
-            found = lanes.values(replace(trace, outputs=tuple(outputs)), x)
-            for value, m, r in zip(found, midpoints, radii, strict=True):
+            values.append(lanes.values(replace(trace, outputs=tuple(outputs)), x))
+            for value, m, r in zip(values[-1], midpoints, radii, strict=True):
                 lanes.store(value, box, m, r)
-        lanes.out.store(lanes.out.as_vector(lanes.out.number(0.0)), lanes.place(box, rows.remainder))
+        for i, row in enumerate(rows.spreads):
+            off = products([e.radius for e in values[1][i * rows.d : (i + 1) * rows.d]], half_widths)
+            lanes.put(widened(off, values[0][i].radius), box, row)
     return lanes.module("ptr noalias %state, i64 %count, i64 %stride, ptr noalias %p")
 
 
@@ -214,10 +146,14 @@ class Lanes:
         """Load intervals from two rows."""
         return Interval(self.code, *(self.out.load(self.place(box, k), vector=True) for k in (midpoint, radius)))
 
+    def put(self, value: Value, box: str, row: int) -> None:
+        """Store numbers in a row."""
+        self.out.store(self.out.as_vector(value), self.place(box, row))
+
     def store(self, value: Interval, box: str, midpoint: int, radius: int) -> None:
         """Store intervals in two rows."""
-        for number, row in ((value.m, midpoint), (value.r or self.out.number(0.0), radius)):
-            self.out.store(self.out.as_vector(number), self.place(box, row))
+        self.put(value.m, box, midpoint)
+        self.put(value.radius, box, radius)
 
     def values(self, trace: Trace, x: list[Interval]) -> list[Interval]:
         """Write a function of the state alone."""

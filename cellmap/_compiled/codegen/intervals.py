@@ -23,6 +23,7 @@ A failure, such as a division by an interval that holds zero, is a radius of NaN
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 from math import nan
 from typing import Any
 
@@ -92,6 +93,11 @@ class Interval:
         if self._size is None:
             self._size = abs(self.m)
         return self._size
+
+    @property
+    def radius(self) -> Value:
+        """The radius as a number."""
+        return self.code.out.number(0.0) if self.r is None else self.r
 
     @property
     def reach(self) -> Value:
@@ -178,6 +184,17 @@ def fused(a: Value, b: Value | float, c: Value) -> Value:
     code = a.code or c.code
     assert code is not None, "one of the values comes from a function"
     return code.intrinsic("fmuladd", a, b if isinstance(b, Value) else number(b), c)
+
+
+def products(sizes: Sequence[Value], lengths: Sequence[Value]) -> Value:
+    """Return a sum of products of numbers that are not negative, but for its rounding."""
+    first, *others = zip(sizes, lengths, strict=True)
+    return reduce(lambda s, pair: fused(pair[0], pair[1], s), others, first[0] * first[1])
+
+
+def largest(values: Sequence[Value]) -> Value:
+    """Return the largest of some numbers; NaN where one is."""
+    return reduce(lambda a, b: where(a > b, a, where(b >= a, b, nan)), values)
 
 
 def widened(*terms: Value | None) -> Value:

@@ -257,8 +257,10 @@ def map_enclosure(function: Callable[..., Any], dimension: int, names: Names) ->
 
 
 @kept
-def period_enclosure(rhs: Callable[..., Any], dimension: int, names: Names, order: int) -> CompiledEnclosure:
-    """Compile the enclosure of a flow whose formulas are known, with series of an order.
+def period_enclosure(
+    rhs: Callable[..., Any], dimension: int, names: Names, order: int, second: bool
+) -> CompiledEnclosure:
+    """Compile the enclosure of a flow whose formulas are known, with series of an order and second derivatives or not.
 
     Raises
     ------
@@ -267,7 +269,7 @@ def period_enclosure(rhs: Callable[..., Any], dimension: int, names: Names, orde
     """
     traced = traced_function(rhs, dimension, names)
     assert traced is not None, "the formulas are known"
-    return flow_enclosure(traced, len(names), order)
+    return flow_enclosure(traced, len(names), order, second)
 
 
 def application(traced: Trace) -> Step:
