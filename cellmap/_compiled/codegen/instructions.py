@@ -402,6 +402,9 @@ class Instructions:
 
 
 def module_text(functions: str, *bodies: Instructions) -> str:
-    """Return the text of a module of functions, with the declarations that their bodies need."""
+    """Return the text of a module of functions, with the declarations that their bodies need.
+
+    The stack is aligned for the vectors that are kept there, none of which then lies across two lines of the cache.
+    """
     declared = "\n".join(sorted(set().union(*(body.declared for body in bodies))))
-    return f'{declared}\n{functions}\nattributes #0 = {{ nounwind "prefer-vector-width"="512" }}\n'
+    return f'{declared}\n{functions}\nattributes #0 = {{ nounwind "prefer-vector-width"="512" "stackrealign" }}\n'
