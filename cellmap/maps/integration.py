@@ -20,7 +20,7 @@ from .._compiled.codegen.kernel import (
 )
 from .._compiled.codegen.methods import LARGE
 from .._compiled.kernels.blocks import LANES, wrap_rows
-from .._compiled.kernels.periods import INACCURATE, PROBE, ROUNDED, Motion, integrate
+from .._compiled.kernels.periods import INACCURATE, PROBE, ROUNDED, Motion, integrate, sample
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.computed import computed_once
 from .coordinates import turns_of
@@ -434,3 +434,16 @@ class Flow:
                 some = max(1, min(_GROWTH * some, budget // pace))
             begin += size
             size = max(LANES, min(_GROWTH * size, budget * len(part) // pace // LANES * LANES))
+
+    def sample(self, orbits: Orbits, begins: Floats, turn: Floats) -> Iterator[Floats]:
+        """Advance orbits in place over stretches of the length of this motion, which begin at some times (m,).
+
+        Yields the states (n, ..., d) at the ends of stretches, angles unwrapped: of many where orbits are few.
+        """
+        some, none = max(1, _FIRST // max(1, len(orbits))), np.zeros((0, 0), np.uint8)
+        for begin in range(0, len(begins), some):
+            times = begins[begin : begin + some]
+            states = np.empty((len(orbits), len(times), orbits.points.shape[1]))
+            steps = sample(self.numbers, times, orbits.points, orbits.rotations, orbits.status, none, turn, states)
+            orbits.work.evaluations += steps * self.kernel.stages
+            yield states

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,7 @@ from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from .coordinates import state_points, turns_of, wrap
-from .integration import flow
+from .integration import Flow, flow
 from .orbit_batch import CHUNK, Orbits, Status
 from .point_map import Iterate, PointMap, history, warn_of_tolerance
 from .stroboscopic import MAX_STEPS, Stroboscopic
@@ -196,14 +196,13 @@ class Sampler:
         return self.spec.build()
 
     @computed_once
-    def advances(self) -> list[Callable[[Orbits], None]]:
-        """Functions that move orbits on from each sample of a period but the last to the next one, angles unwrapped."""
+    def motion(self) -> Flow:
+        """The motion from the first sample of a period to the second one."""
         spec, count = self.spec, self.samples
-        length, method = spec.system.length / count, spec.motion.kernel.method
         rtol = max(spec.rtol / count, _FINEST)
         atol = np.maximum(np.divide(spec.atol, count), np.minimum(spec.atol, _FINEST))
-        first = flow(spec.system, spec.motion.begin, length, rtol, atol, method, spec.max_steps)
-        return [replace(first, begin=first.begin + k * length) for k in range(count - 1)]
+        length, method = spec.system.length / count, spec.motion.kernel.method
+        return flow(spec.system, spec.motion.begin, length, rtol, atol, method, spec.max_steps)
 
     def states(self, places: Floats, periods: int, progress: bool = False) -> tuple[Floats, NDArray[np.uint8]]:
         """Return states (times, count, d), with NaN once orbits have terminated, and statuses (count,)."""
@@ -222,12 +221,12 @@ class Sampler:
         cells = states[:-1].reshape(periods, samples, count, d)
 
         def fill(part: slice) -> None:
-            now = within[part]
             period, start = np.divmod(np.arange(part.start, part.stop), count)
-            for k, advance in enumerate(self.advances, 1):
-                for living in now.living():
-                    advance(living)
-                cells[period, k, start] = now.points + now.rotations * turn
+            begins, done = self.motion.begin + np.arange(samples - 1.0) * self.motion.length, 1
+            for found in self.motion.sample(within[part], begins, turn):
+                for k in range(found.shape[1]):
+                    cells[period, done + k, start] = found[:, k]
+                done += found.shape[1]
 
         label = f"trajectories of {system.name}" if progress else None
         run_over(slices(len(within), CHUNK), fill, label)

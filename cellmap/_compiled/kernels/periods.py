@@ -193,6 +193,24 @@ def integrate(motion, points, rotations, status, small, lower, turn, periods):
     return total
 
 
+@loop
+def sample(motion, begins, points, rotations, status, small, turn, states):
+    """Integrate orbits over stretches of time one after the other, as by :func:`integrate`; return the steps of all.
+
+    The stretches have the length of the motion and begin at the times ``begins`` (m,); ``states`` (n, m, d) receives
+    the states at their ends, angles unwrapped.  Angles are not wrapped either.
+    """
+    n, d = points.shape
+    anywhere, total = np.zeros(d), 0
+    for m in range(begins.size):
+        stretch = motion._replace(begin=begins[m])
+        total += integrate(stretch, points, rotations, status, small, anywhere, anywhere, 1)
+        for k in range(n):
+            for j in range(d):
+                states[k, m, j] = points[k, j] + rotations[k, j] * turn[j]
+    return total
+
+
 @inlined
 def _begin(motion, batch, points, living, members):
     """Begin a period, with a trial step of each orbit."""
