@@ -19,13 +19,16 @@ export PIP_CONSTRAINT := $(PINS)
 export PIP_BUILD_CONSTRAINT := $(PINS)
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-docs basins figures test test-all test-newest mutants size check check-code check-pins check-site bench docs pins clean
+.PHONY: help env env-docs basins figures test test-all test-newest test-oldest coverage dist mutants size check check-code check-pins check-site bench docs pins clean
 
 help:
 	@echo "make basins       basins of the driven pendulum (figure 19), into studies/output/"
 	@echo "make figures      every study, into studies/output/"
 	@echo "make test         fast tests and the examples in docstrings"
 	@echo "make test-all     slow tests as well"
+	@echo "make test-oldest  fast tests with the lowest versions that pyproject.toml promises, in another one"
+	@echo "make coverage     lines that no test runs; of ROOMS=tests/maps alone"
+	@echo "make dist         wheel and source distribution, into dist/, checked and used by all examples"
 	@echo "make mutants      share of small changes of the code that the tests of the same room notice"
 	@echo "make test-newest  fast tests with the newest packages, in an environment of their own"
 	@echo "make size         lines of code in each subpackage, largest functions, smallest modules"
@@ -82,6 +85,28 @@ test-newest:
 	rm -rf .venv-newest
 	$(MAKE) --no-print-directory VENV=.venv-newest PINS= test
 
+# The lowest versions that pyproject.toml promises, of what it names itself.
+test-oldest: env
+	rm -rf .venv-oldest
+	$(VENV)/bin/uv venv --quiet --python $(PYTHON) .venv-oldest
+	VIRTUAL_ENV=.venv-oldest $(VENV)/bin/uv pip install --quiet --resolution lowest-direct --editable '.[test]'
+	.venv-oldest/bin/python -m pytest -W default -n auto --dist loadfile $(ROOMS)
+
+# Lines that the tests of ROOMS run: make coverage ROOMS=tests/maps
+coverage: $(INSTALLED)release
+	$(RUN) -m coverage run --source=cellmap,systems -m pytest -q $(ROOMS)
+	$(RUN) -m coverage report --skip-covered --sort=cover | tail -40
+
+# What is published, checked, and used from an empty environment by all examples.
+dist: env $(INSTALLED)release
+	rm -rf dist .venv-dist
+	$(VENV)/bin/uv build --quiet
+	$(RUN) -m twine check --strict dist/*.whl dist/*.tar.gz
+	$(MAKE) --no-print-directory VENV=.venv-dist .venv-dist/bin/python
+	.venv-dist/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl
+	mkdir dist/examples && cp docs/examples/*.py dist/examples/
+	cd dist/examples && for example in *.py; do echo $$example && ../../.venv-dist/bin/python $$example > /dev/null || exit 1; done
+
 # Hours at low priority; what has been run is kept in /tmp/cellmap-mutants, and not run again.
 MUTANTS := maps=80 attractors=60 basins=80 analysis=85 bifurcations=115 _lib=35
 
@@ -121,6 +146,7 @@ check-code: env
 	$(RUN) -m ruff check
 	$(RUN) -m mypy
 	$(VENV)/bin/lint-imports
+	$(RUN) -m check_jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 
 check-site: env-docs
 	@CELLMAP_STUDIES=skip $(MAKE) --no-print-directory docs
@@ -137,6 +163,6 @@ docs: env-docs
 	@echo "The site starts at $(CURDIR)/docs/_build/html/index.html"
 
 clean:
-	rm -rf .venv-newest .venv-pins build dist *.egg-info docs/_build docs/auto docs/generated studies/output
+	rm -rf .venv-newest .venv-oldest .venv-dist .venv-pins .coverage build dist *.egg-info docs/_build docs/auto docs/generated studies/output
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
 	find cellmap systems studies tests docs -name __pycache__ -type d -exec rm -rf {} +

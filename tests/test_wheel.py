@@ -1,9 +1,10 @@
-"""The distribution: a wheel is built, put into an empty folder and used from there."""
+"""The distributions: what is in them, and a wheel that is put into an empty folder and used from there."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -40,7 +41,22 @@ def test_its_name_is_free_and_its_types_and_rooms_are_in_it(wheel: Path) -> None
     page = [p for p in (ROOT / "cellmap" / "explorer" / "page").iterdir() if p.is_file()]
     assert {str(p.relative_to(ROOT)) for p in page} <= names
     assert "cellmap/explorer/page/index.html" in names
-    assert not any(name.startswith(("tests", "studies", "docs")) for name in names)
+    assert {name.split("/")[0] for name in names} == {
+        "cellmap",
+        "systems",
+        f"{wheel.name[: -len('-py3-none-any.whl')]}.dist-info",
+    }
+
+
+def test_the_source_distribution_has_neither_tests_nor_studies(tmp_path: Path) -> None:
+    build = "import sys; from hatchling.build import build_sdist; print(build_sdist(sys.argv[1]))"
+    subprocess.run([sys.executable, "-c", build, str(tmp_path)], cwd=ROOT, check=True, capture_output=True)
+    (path,) = tmp_path.glob("*.tar.gz")
+    with tarfile.open(path) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    documents = {"CHANGELOG.md", "CITATION.cff", "LICENSE", "PKG-INFO", "README.md", "pyproject.toml"}
+    assert documents <= names
+    assert {name.split("/")[0] for name in names} - {".gitignore"} == documents | {"cellmap", "systems"}
 
 
 def test_it_runs_from_an_empty_folder(wheel: Path, tmp_path: Path) -> None:
