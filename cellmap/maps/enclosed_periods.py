@@ -51,6 +51,22 @@ def best_order(centres: Floats, half_widths: Floats) -> int:
     return min(_ORDERS, key=lambda order: order**2 * (ratio / _REMAINDER) ** (1.0 / order))
 
 
+def units_of(centres: Floats, half_widths: Floats) -> Floats:
+    """Return a unit for each coordinate of boxes (n, d), a power of two near their half-widths, and its inverse.
+
+    Examples
+    --------
+    >>> units_of(np.zeros((1, 2)), np.array([[0.25, 3.0]]))
+    array([0.25, 4.  , 4.  , 0.25])
+    """
+    found = np.ones(centres.shape[1])
+    for sizes in (np.abs(centres), half_widths):
+        usual = np.median(np.where(sizes > 0.0, sizes, 0.0), axis=0) if len(centres) else np.zeros_like(found)
+        if (known := (usual > 2.0**-500) & (usual < 2.0**500)).all():
+            found = np.where(known, 2.0 ** np.round(np.log2(usual)), found)
+    return np.stack([found, 1.0 / found], axis=1).ravel()
+
+
 def with_steps(pass_over: Pass, boxes: int, rows: int, order: int) -> Floats:
     """Return the rows of enclosures of a period, each with as many steps as its remainder asks for; NaN without one."""
     found, left = np.full((boxes, rows), np.nan), np.arange(boxes)

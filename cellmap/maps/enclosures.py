@@ -16,11 +16,11 @@ from .._lib.checks import finite_number, known_parameter, pair_of, real_array, s
 from .._lib.stopping import check_stop
 from .._lib.threads import run_over, slices
 from .discrete import Discrete
-from .enclosed_periods import best_order, period_of, sample, times_of_steps, with_steps
+from .enclosed_periods import best_order, period_of, sample, times_of_steps, units_of, with_steps
 from .point_map import PointMap
 from .stroboscopic import Stroboscopic
 
-_COARSE = 0.1  # spread relative to half-widths, beyond which second derivatives are worth their work
+_COARSE = 0.15  # spread relative to half-widths, beyond which second derivatives are worth their work
 _MANY = 0.25  # of a sample
 _FEW = 3  # states, up to which they are compiled
 _WIDEST = 8  # lanes of a vector
@@ -130,7 +130,7 @@ def enclosed_images(
 def _over_a_period(spec: Stroboscopic, c: Floats, w: Floats, p: Floats, exact: bool) -> MeanValueForms:
     """Return enclosures of a flow, with second derivatives if a sample of boxes is known too coarsely without them."""
     begin, length = period_of(spec.system, spec.phase, p, exact)
-    order = best_order(c, w)
+    order, p = best_order(c, w), np.concatenate([p, units_of(c, w)])
 
     def forms_of(members: Ints, second: bool) -> MeanValueForms:
         kernel, centres, half_widths = spec.enclosure(order, second), c[members], w[members]

@@ -153,6 +153,15 @@ def test_narrower_boxes_have_narrower_enclosures() -> None:
     assert excess[2] < 0.02
 
 
+def test_units_do_not_matter() -> None:
+    centres, spreads = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 2)), []
+    for unit in (1.0, 1024.0):
+        text = f"y / {unit}, {unit} * (-p.g * y / {unit} - (p.a - p.k * cos(p.w * t)) * sin(x))"
+        forms = enclosed_images(flow_of(text), centres * [1.0, unit], [1e-3, 1e-3 * unit])
+        spreads.append(forms.spreads / [1.0, unit])
+    assert spreads[1] == pytest.approx(spreads[0], rel=1e-3)
+
+
 def test_second_derivatives_make_enclosures_narrower(monkeypatch: pytest.MonkeyPatch) -> None:
     centres, halves, spreads = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 2)), np.full((20, 2), 4e-3), []
     for coarse in (NEVER, 0.0):

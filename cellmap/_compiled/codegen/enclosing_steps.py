@@ -84,7 +84,7 @@ class FirstOrderStep:
         """Write what is known after the step with some derivative."""
         rows, put = self.rows, self.lanes.put
         moved = self.errors.moved(step)
-        frame = Frame.along(moved, self.code)
+        frame = Frame.along(moved, self.lanes)
         stretch = stretched(frame, moved)
         off, entries, hulls = self._carried(step, images, frame, stretch)
         for i in self.d:
@@ -186,7 +186,7 @@ class SecondOrderStep(FirstOrderStep):
             for i in d
         ]
         moved = self.errors.moved(near)
-        frame = Frame.along(moved, code)
+        frame = Frame.along(moved, self.lanes)
         off, entries, lost = self._carried(
             near, [self._summed(self.at_point, rest, i) for i in d], frame, stretched(frame, moved)
         )

@@ -7,7 +7,8 @@ derivative of F at every point of the box.  The functions are
     enclose(state, count, stride, p, steps, times, length, spread)     for flows
 
 with addresses of arrays, of which ``state`` has rows of `stride` numbers, one for each box: see :class:`Rows`.  ``p``
-holds the midpoint and the radius of each parameter.  A step of a flow begins at one of the ``times``, again midpoints
+holds the midpoint and the radius of each parameter; for flows the unit of each coordinate, a power of two, and its
+inverse follow.  A step of a flow begins at one of the ``times``, again midpoints
 and radii, and lasts as long as ``length`` and ``spread`` say, its midpoint and radius.
 """
 
@@ -124,10 +125,12 @@ def discrete_text(trace: Trace, parameters: int, width: int) -> str:
 class Lanes:
     """The body of a function ``enclose``: parameters, and boxes in vectors of lanes."""
 
-    def __init__(self, width: int, parameters: int) -> None:
+    def __init__(self, width: int, parameters: int, scales: int = 0) -> None:
         self.out = Instructions(width, flags="")
         self.code = Enclosing(self.out)
         self.p = [self.code.loaded("%p", 2 * i) for i in range(parameters)]
+        units = [self.out.load(self.out.address("%p", 2 * parameters + i)) for i in range(2 * scales)]
+        self.scales = list(zip(units[::2], units[1::2], strict=True))
 
     def boxes(self) -> Any:
         """Repeat what is written inside for each vector of boxes, given the number of its first one."""

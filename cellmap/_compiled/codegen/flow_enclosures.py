@@ -53,7 +53,7 @@ def flow_text(trace: Trace, parameters: int, order: int, width: int, second: boo
     d = len(trace.states)
     first = min(frame_traces(trace, d), key=lambda found: (series_work(found), len(in_order(found.outputs))))
     whole = _with_second_derivatives(first, d) if second else first
-    lanes = Lanes(width, parameters)
+    lanes = Lanes(width, parameters, d)
     out, code, rows = lanes.out, lanes.code, _rows(d, second)
     memory = out.array(4 * len(whole.states) * width)
     given: Any = code, lanes.p

@@ -42,7 +42,7 @@ def _at_most(value: Value, bound: float) -> Value:
 
 def _result(x: Interval, m: Value, relative: float, variation: Value | None, *further: Value) -> Interval:
     """Return the interval with a midpoint of some relative error, and a variation over the argument's interval."""
-    return Interval(x.code, m, widened(abs(m) * relative, variation, *further))
+    return Interval(x.code, m, widened(fused(abs(m), relative, number(ROUNDING["underflow"])), variation, *further))
 
 
 def _sine_and_cosine(m: Value) -> tuple[Value, Value]:

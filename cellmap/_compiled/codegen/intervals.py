@@ -11,7 +11,8 @@ or by half the smallest number where it underflows, and so a radius takes up
 - the radii of the operands, carried on exactly in the sense of upper bounds;
 - the rounding of the midpoint: ``sum``, ``product``, ``quotient``, ``root``, ``dot``, ``reciprocal``;
 - ``inflation`` for the rounding of the radius itself, whose terms are all positive: a relative error of 128 u at most;
-- ``underflow``, once for each operation, which is far more than all smallest numbers that may be lost.
+- ``underflow``, once for each operation, which is far more than all smallest numbers that may be lost.  It is the
+  beginning of every sum, so that no radius is so small that processors take long over it.
 
 Each of these is an entry of :data:`ROUNDING`, and in no other place, so that tests can leave out each in turn.  No
 instruction carries a flag that lets the compiler change values.  A product may be fused with the sum that it is added
@@ -113,7 +114,7 @@ class Interval:
         """The radius, with what each product of a sum adds to it by rounding."""
         if self._loose is None:
             part = ROUNDING["dot"] * (LONGEST + 2)
-            self._loose = self.size * part if self.r is None else fused(self.size, part, self.r)
+            self._loose = fused(self.size, part, number(ROUNDING["underflow"]) if self.r is None else self.r)
         return self._loose
 
     def _lifted(self, other: Interval | float) -> Interval:
@@ -125,7 +126,7 @@ class Interval:
     def __add__(self, given: Interval | float) -> Interval:
         other = self._lifted(given)
         m = self.m + other.m
-        return Interval(self.code, m, widened(abs(m) * ROUNDING["sum"], self.r, other.r))
+        return Interval(self.code, m, widened(lost(m, "sum"), self.r, other.r))
 
     __radd__ = __add__
 
@@ -138,7 +139,7 @@ class Interval:
     def __mul__(self, given: Interval | float) -> Interval:
         other = self._lifted(given)
         m = self.m * other.m
-        r = abs(m) * ROUNDING["product"]
+        r = lost(m, "product")
         if other.r is not None:
             r = fused(self.size, other.r, r)
         if self.r is not None:
@@ -156,7 +157,7 @@ class Interval:
         gap = abs(q) * (off if other.r is None else off + other.r)
         gap = gap if self.r is None else gap + self.r
         away = least > other.size * 2.0**-50  # so far from zero that rounding cannot matter
-        return Interval(self.code, q, widened(where(away, gap / least, nan)))
+        return Interval(self.code, q, widened(where(away, gap / least, nan), number(ROUNDING["underflow"])))
 
     def __rtruediv__(self, other: float) -> Interval:
         return self._lifted(other) / self
@@ -171,7 +172,7 @@ class Interval:
             x = y._lifted(given)
             m, r = chains[k % 2 if len(pairs) > 3 else 0]
             m = x.m * y.m if m is None else fused(x.m, y.m, m)
-            r = x.size * y.loose if r is None else fused(x.size, y.loose, r)
+            r = fused(x.size, y.loose, number(ROUNDING["underflow"]) if r is None else r)
             if x.r is not None:
                 r = fused(x.r, y.reach, r)
             chains[k % 2 if len(pairs) > 3 else 0] = m, r
@@ -188,8 +189,8 @@ def fused(a: Value, b: Value | float, c: Value) -> Value:
 
 def products(sizes: Sequence[Value], lengths: Sequence[Value]) -> Value:
     """Return a sum of products of numbers that are not negative, but for its rounding."""
-    first, *others = zip(sizes, lengths, strict=True)
-    return reduce(lambda s, pair: fused(pair[0], pair[1], s), others, first[0] * first[1])
+    none = number(ROUNDING["underflow"])
+    return reduce(lambda s, pair: fused(pair[0], pair[1], s), zip(sizes, lengths, strict=True), none)
 
 
 def largest(values: Sequence[Value]) -> Value:
@@ -197,7 +198,12 @@ def largest(values: Sequence[Value]) -> Value:
     return reduce(lambda a, b: where(a > b, a, where(b >= a, b, nan)), values)
 
 
+def lost(m: Value, name: str) -> Value:
+    """Return a bound of the rounding error of a midpoint."""
+    return fused(abs(m), ROUNDING[name], number(ROUNDING["underflow"]))
+
+
 def widened(*terms: Value | None) -> Value:
     """Return the radius that is a sum of terms above or at zero, with what its own rounding may have lost."""
     found: Any = total(term for term in terms if term is not None)
-    return fused(found, 1.0 + ROUNDING["inflation"], number(ROUNDING["underflow"]))
+    return found * (1.0 + ROUNDING["inflation"])

@@ -4,51 +4,63 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import nan
-from typing import Any
 
 from .enclosures import Lanes
 from .instructions import Value, total, where
 from .intervals import Interval, largest, products, widened
 
 Matrix = Sequence[Sequence[Interval]]
+Scales = Sequence[tuple[Value, Value]]
 
 
 class Frame:
-    """Axes, the columns of a matrix Q of numbers that is almost orthogonal, and coordinates along them.
+    """Axes, the columns of S Q, and coordinates along them.
 
-    With G the product of the transpose and Q, the inverse is that of G times the transpose.  Where rows of G - 1 have
-    sums of absolute values below some e, entries of the inverse of G are off those of 1 by e/(1 - e) at most.
+    S is diagonal and makes the units of all coordinates alike, by powers of two that round nothing; Q is a matrix of
+    numbers that is almost orthogonal.  With G the product of its transpose and Q, the inverse of Q is that of G times
+    the transpose.  Where rows of G - 1 have sums of absolute values below some e, entries of the inverse of G are off
+    those of 1 by e/(1 - e) at most.
     """
 
-    def __init__(self, axes: Matrix) -> None:
-        self.axes, d = axes, len(axes)
-        gram = [[Interval.dot([(row[i], row[k]) for row in axes]) for k in range(d)] for i in range(d)]
+    def __init__(self, turned: Matrix, scales: Scales) -> None:
+        self.turned, self.scales, d = turned, scales, len(turned)
+        self.axes = [
+            [Interval(entry.code, scale * entry.m) for entry in row]
+            for row, (scale, _) in zip(turned, scales, strict=True)
+        ]
+        gram = [[Interval.dot([(row[i], row[k]) for row in turned]) for k in range(d)] for i in range(d)]
         sums = [total((gram[i][k] - float(i == k)).reach for k in range(d)) for i in range(d)]
         skew = widened(largest(sums))
         self.skew = where(skew < 0.5, 2.0 * skew, nan)
 
     @classmethod
-    def along(cls, vectors: Matrix, code: Any) -> Frame:
+    def along(cls, vectors: Matrix, lanes: Lanes) -> Frame:
         """Return the frame that Gram and Schmidt make of the midpoints of the columns of a matrix."""
         found: list[list[Value]] = []
         for column in zip(*vectors, strict=True):
-            rest = [entry.m for entry in column]
+            rest = [inverse * entry.m for entry, (_, inverse) in zip(column, lanes.scales, strict=True)]
             for axis in found:
                 along = total(a * b for a, b in zip(axis, rest, strict=True))
                 rest = [b - along * a for a, b in zip(axis, rest, strict=True)]
-            length = code.out.intrinsic("sqrt", total(b * b for b in rest))
+            length = lanes.out.intrinsic("sqrt", total(b * b for b in rest))
             found.append([b / length for b in rest])
-        return cls([[Interval(code, code.out.as_vector(axis[i])) for axis in found] for i in range(len(vectors))])
+        rows = zip(*found, strict=True)
+        return cls([[Interval(lanes.code, lanes.out.as_vector(q)) for q in row] for row in rows], lanes.scales)
 
     def coordinates(self, vector: Sequence[Interval]) -> list[Interval]:
         """Return the coordinates of a vector along the axes."""
-        found = [Interval.dot(list(zip(axis, vector, strict=True))) for axis in zip(*self.axes, strict=True)]
+        alike = [
+            Interval(value.code, inverse * value.m, inverse * value.radius)
+            for value, (_, inverse) in zip(vector, self.scales, strict=True)
+        ]
+        found = [Interval.dot(list(zip(axis, alike, strict=True))) for axis in zip(*self.turned, strict=True)]
         lost = self.skew * largest([value.reach for value in found])
         return [Interval(value.code, value.m, widened(value.r, lost)) for value in found]
 
     def sizes(self, radii: Sequence[Value]) -> list[Value]:
         """Return bounds of the coordinates of vectors whose components have bounds."""
-        found = [products([q.size for q in axis], radii) for axis in zip(*self.axes, strict=True)]
+        alike = [inverse * radius for radius, (_, inverse) in zip(radii, self.scales, strict=True)]
+        found = [products([q.size for q in axis], alike) for axis in zip(*self.turned, strict=True)]
         lost = self.skew * largest(found)
         return [widened(value, lost) for value in found]
 
