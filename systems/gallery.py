@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from math import pi
+from collections.abc import Iterable, Mapping, Sequence
+from math import cos, pi
+from pathlib import Path
 
 import systems
 from cellmap import CellGrid
@@ -39,14 +40,37 @@ def _units(names: Iterable[str]) -> dict[str, str]:
 
 
 def _explored(
-    name: str, *limits: Sequence[float], about: str, nodes: int = 0, cells: int = _CELLS, si: bool = False
+    name: str,
+    *limits: Sequence[float],
+    about: str,
+    nodes: int = 0,
+    cells: int = _CELLS,
+    si: bool = False,
+    picture: str = "",
 ) -> Explored:
     """Return a factory's system with a window: the least and the largest value of each coordinate."""
     lower, upper = (tuple(limit[k] for limit in limits) for k in (0, 1))
     region = CellGrid(lower, upper, (cells,) * len(limits))
     make = getattr(systems, name)
     units = _units(make().params) if si else {}
-    return Explored(name, make, region, nodes, f"import systems\n\nsystem = systems.{name}()\n", about, units)
+    source = f"import systems\n\nsystem = systems.{name}()\n"
+    pivot = _pivot if si else None
+    return Explored(
+        name, make, region, nodes, source, about, units, picture=picture, pivot=pivot, thumbnail=_thumbnail(name)
+    )
+
+
+def _thumbnail(name: str) -> Path | None:
+    """Return the small image of a system, if there is one."""
+    path = Path(__file__).parent / "thumbnails" / f"{name}.png"
+    return path if path.exists() else None
+
+
+def _pivot(t: float, params: Mapping[str, float]) -> tuple[float, float]:
+    """Return where the pivot of a driven pendulum is, in lengths of its first rod."""
+    size = next(params[name] for name in ("length", "length_1", "distance") if name in params)
+    turn = 2.0 * pi * params.get("frequency", 0.0) * t + params.get("phase", 0.0)
+    return 0.0, params.get("amplitude", 0.0) / size * cos(turn)
 
 
 _TURN = (-pi, pi)
@@ -74,6 +98,9 @@ _EFFECTS: dict[str, systems.Effect] = {
 _ROUGH = {"quadratic drag", "dry friction", "square drive"}  # switches: an interpolated map would follow them poorly
 
 
+_ABOUT_SCENES = "A body and the effects on it, each of which is switched on and off below."
+
+
 def _scene(body: str, effects: Sequence[str]) -> Explored:
     """Return the scene of some parts."""
     made, acting = _BODIES[body], [_EFFECTS[effect] for effect in effects]
@@ -91,8 +118,9 @@ def _scene(body: str, effects: Sequence[str]) -> Explored:
         CellGrid(lower, upper, ((_CELLS if smooth else 200),) * len(limits)),
         128 if smooth else 0,
         f"from systems import {', '.join(names)}\n\nsystem = scene({call})\n",
-        "A body and the effects on it, each of which is switched on and off below.",
+        _ABOUT_SCENES,
         _units(systems.scene(made, *acting, period=period).params),
+        picture="chain",
     )
 
 
@@ -103,6 +131,8 @@ SCENE = ExploredScene(
     tuple(_EFFECTS),
     ("pendulum", "gravity", "viscous damping", "vertical drive"),
     _scene,
+    _ABOUT_SCENES,
+    _thumbnail("scene"),
 )
 """A body and effects that are switched on and off in the page."""
 
@@ -200,6 +230,7 @@ GALLERY: tuple[Explored | ExploredScene, ...] = (
         (-2.0, 2.0),
         (-2.0, 2.0),
         cells=300,
+        picture="above",
         about="A pendulum above three magnets: at which one it comes to rest depends finely on where it began.",
     ),
     _explored(
@@ -210,6 +241,7 @@ GALLERY: tuple[Explored | ExploredScene, ...] = (
         (-200.0, 200.0),
         cells=200,
         si=True,
+        picture="chain",
         about="Two pendulums, one below the other, on a shaken pivot: the image is a slice through four coordinates.",
     ),
     _explored(
@@ -218,6 +250,7 @@ GALLERY: tuple[Explored | ExploredScene, ...] = (
         *3 * [(-200.0, 200.0)],
         cells=100,
         si=True,
+        picture="chain",
         about="Three pendulums in a chain on a pivot that is shaken fast, by which they can all stand upright.",
     ),
     _explored(

@@ -19,14 +19,32 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "--gallery", default="systems.gallery", help="module with a list GALLERY of systems (default: %(default)s)"
     )
     parser.add_argument("--equations", metavar="FILE", help="text file with equations, which are shown first")
+    parser.add_argument("--views", metavar="FILE", help="file in TOML with prepared views, for the keys 1 to 9")
+    parser.add_argument(
+        "--share",
+        metavar="N",
+        type=int,
+        nargs="?",
+        const=200,
+        default=0,
+        help="let others on the network watch, at most N at a time (%(const)s)",
+    )
+    parser.add_argument("--host", help="address of this machine in the network where others watch")
     options = parser.parse_args(arguments)
     try:
         typed = [] if options.equations is None else [typed_file(options.equations)]
-        explorer = serve([*typed, *load_gallery(options.gallery)], options.port, open_page=not options.no_browser)
+        explorer = serve(
+            [*typed, *load_gallery(options.gallery)],
+            options.port,
+            not options.no_browser,
+            options.views,
+            options.share,
+            options.host,
+        )
     except (OSError, ValueError) as error:
         parser.exit(1, f"{parser.prog}: {str(error).rpartition('] ')[2]}\n")
     with explorer:
-        print(explorer.address, flush=True)
+        print(explorer, flush=True)
         explorer.wait()
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import base64
-import re
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -12,13 +10,11 @@ from typing import Any
 from starlette.websockets import WebSocketDisconnect
 
 from .explored import Explored, ExploredScene
-from .server import MOST_SESSIONS, PAGE
+from .server import MOST_SESSIONS
 from .session import Session
 
 Send = Callable[[dict[str, Any], Sequence[bytes]], None]
 """Carries a message to a page: an object, and the bytes of those that have some."""
-
-_IMPORT = re.compile(r'(from|import) "\./(\w+\.js)"')
 
 
 class _Socket:
@@ -107,23 +103,3 @@ class Channels:
         for socket in self._pages.values():
             socket.coming.put_nowait(None)
         await asyncio.gather(*self._running, return_exceptions=True)
-
-
-def page_of_one_file() -> str:
-    """Return the page with its style and modules inside, for hosts that have no server for them.
-
-    Its modules know each other by names that an import map leads to data.
-    """
-    html = (PAGE / "index.html").read_text(encoding="utf-8")
-    modules = {
-        f"cellmap/{path.name}": "data:text/javascript;base64,"
-        + base64.b64encode(_IMPORT.sub(r'\1 "cellmap/\2"', path.read_text(encoding="utf-8")).encode()).decode()
-        for path in sorted(PAGE.glob("*.js"))
-    }
-    listed = ", ".join(f'"{name}": "{data}"' for name, data in modules.items())
-    style = (PAGE / "style.css").read_text(encoding="utf-8")
-    head = f'<style>{style}</style>\n<script type="importmap">{{"imports": {{{listed}}}}}</script>'
-    html = html.replace('<link rel="icon" href="icon.svg">\n<link rel="stylesheet" href="style.css">', head)
-    return html.replace(
-        '<script type="module" src="main.js"></script>', '<script type="module">import "cellmap/main.js";</script>'
-    )

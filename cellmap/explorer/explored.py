@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from .._lib.checks import is_sequence, shown, whole_number
@@ -15,6 +16,10 @@ from ..maps.interpolation.interpolated import interpolated_map
 from ..maps.point_map import PointMap
 from ..maps.stroboscopic import stroboscopic_map
 from ..maps.system import ForcedSystem
+
+PICTURES = ("", "chain", "rotors", "mass", "above", "none")
+USUAL_CELLS = 500
+"""Initial conditions along each axis, in whose place a page takes the pixels of its screen."""
 
 MOST_STEPS = 4096
 """Steps of a period: orbits that blow up are given up after a quarter of those of the library."""
@@ -49,6 +54,14 @@ class Explored:
         The scene that has put the system together.
     parts : tuple of str, optional
         Body and effects that were chosen for it.
+    picture : str, optional
+        How orbits are shown beside the plane: "chain" (pendulums, one below the other), "rotors", "mass" (on a spring)
+        or "above" (a pendulum of two coordinates); "none".  By default one angle is a pendulum, several are rotors, and
+        a coordinate with its velocity is a mass.
+    pivot : callable or None, optional
+        Function of time and parameters that returns where the pivot is, in lengths of the first pendulum.
+    thumbnail : path or None, optional
+        A small image, PNG, for the list of systems.
     """
 
     name: str
@@ -60,6 +73,9 @@ class Explored:
     units: Mapping[str, str] = field(default_factory=dict)
     scene: ExploredScene | None = None
     parts: tuple[str, ...] = ()
+    picture: str = ""
+    pivot: Callable[[float, Mapping[str, float]], tuple[float, float]] | None = None
+    thumbnail: Path | None = None
 
     @computed_once
     def system(self) -> ForcedSystem | PointMap:
@@ -84,7 +100,7 @@ class Explored:
             return self.region.on(self.coordinates, "region")
         lower = tuple(-_HALF if c.lower is None else c.lower for c in self.coordinates)
         upper = tuple(_HALF if c.period is None else a + c.period for a, c in zip(lower, self.coordinates, strict=True))
-        return CellGrid(lower, upper, (500,) * len(lower)).on(self.coordinates)
+        return CellGrid(lower, upper, (USUAL_CELLS,) * len(lower)).on(self.coordinates)
 
     def point_map(self, nodes: int, tolerance: float) -> PointMap:
         """Return the map at the system's own parameters, interpolated if there are nodes."""
@@ -123,6 +139,10 @@ class ExploredScene:
         Body and effects that are shown first.
     make : callable
         Function that returns the system of a body and a tuple of effects, in the order of `effects`.
+    about : str, optional
+        A sentence about the scene.
+    thumbnail : path or None, optional
+        A small image, PNG, for the list of systems.
 
     Examples
     --------
@@ -141,6 +161,8 @@ class ExploredScene:
     effects: tuple[str, ...]
     first: tuple[str, ...]
     make: Callable[[str, tuple[str, ...]], Explored]
+    about: str = ""
+    thumbnail: Path | None = None
 
     def explored(self, parts: Any = None) -> Explored:
         """Return the system of some parts, the body first; by default of those that are shown first.

@@ -1,11 +1,12 @@
-"""Films of basins while a parameter changes, as GIF or MP4."""
+"""Films of basins while a parameter changes, as GIF, MP4, or a page in which it is moved by hand."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib.util import find_spec
+from math import isqrt
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from .._lib.checks import finite_number, known_parameter, one_of, whole_array, whole_number
 from .._lib.stopping import Stopped
+from .explored import Explored
+from .family import Still, file_of_family, to_and_fro
 from .protocol import LOWEST
+from .questions import range_of
 from .view import View
 
 MOST_STILLS = 240
@@ -23,10 +27,6 @@ _MOST_COLOURS = 254  # of a GIF, beside white and black for the line below the i
 _RATE = 12.5  # stills a second; a GIF counts in hundredths of a second
 _SMALLEST = 480  # pixels; smaller images are enlarged in videos, which keep colours at half the resolution
 _QUALITY = "16"  # constant rate factor of H.264: lower is better, 0 is without loss
-
-
-Still = tuple[View, NDArray[np.int16]]
-"""A view with its image of labels."""
 
 
 class FilmStopped(Stopped):
@@ -39,24 +39,39 @@ class FilmStopped(Stopped):
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """A film that the page has asked for: the parameter that changes, the format, and colours from the lowest label."""
+    """A film that the page has asked for: the parameters that change, the format, and colours from the lowest label."""
 
-    parameter: str
+    parameters: tuple[str, ...]
     form: str
     palette: NDArray[np.uint8]
 
     @classmethod
-    def of(cls, parameter: Any, form: Any, palette: Any, view: View) -> Film:
-        """Return the film that a message asks for."""
-        name, chosen = known_parameter("parameter", parameter, view.params), form or "gif"
-        one_of("format", chosen, ("gif", "mp4"))
+    def of(cls, asked: Mapping[str, Any], view: View) -> tuple[Film, tuple[View, ...]]:
+        """Return the film that a message asks for, and its views: over two parameters where there is an `across`."""
+        chosen = one_of("format", asked.get("format") or "gif", ("gif", "mp4", "html"))
+        across = asked.get("across")
+        if across is not None and (chosen != "html" or not isinstance(across, Mapping)):
+            raise ValueError("across: films go along one parameter, pages along two")
+        stills = whole_number("stills", asked.get("stills"), at_least=2, at_most=MOST_STILLS)
+        ranges = [range_of(asked)] if across is None else [range_of(asked), range_of(across)]
+        number = stills if across is None else max(2, isqrt(stills))
+        values = {
+            known_parameter("parameter", name, view.params): np.linspace(
+                finite_number("lower", lower), finite_number("upper", upper), number
+            )
+            for name, lower, upper in ranges
+        }
+        if len(values) < len(ranges):
+            raise ValueError("across: choose another parameter than the first one")
         if chosen == "mp4" and find_spec("av") is None:
             raise ValueError("videos need the package av: pip install 'cellmap-dynamics[video]', or take a GIF")
-        return cls(name, chosen, _palette(palette))
+        return cls(tuple(values), chosen, _palette(asked.get("palette"))), to_and_fro(view, values)
 
-    def file(self, stills: Sequence[Still]) -> tuple[dict[str, str], bytes]:
+    def file(self, explored: Explored, stills: Sequence[Still]) -> tuple[dict[str, str], bytes]:
         """Return the name and media type of the file, and its bytes, from views and their images of labels."""
-        images = [self._still(view, raster) for view, raster in stills]
+        if self.form == "html":
+            return {"name": "basins.html", "media": "text/html"}, file_of_family(explored, self.parameters, stills)
+        images = [self._still(still.view, still.raster) for still in stills]
         if self.form == "gif":
             return {"name": "basins.gif", "media": "image/gif"}, _gif(images)
         return {"name": "basins.mp4", "media": "video/mp4"}, _mp4(images)
@@ -69,22 +84,11 @@ class Film:
         line = max(16, width // 20)
         still = Image.fromarray(np.concatenate([codes, np.full((line, width), last + 1, np.uint8)]))
         still.putpalette([*self.palette[: last + 1].ravel().tolist(), 255, 255, 255, 0, 0, 0])
-        text = f"{self.parameter} = {view.params[self.parameter]:.5g}"
+        text = f"{self.parameters[0]} = {view.params[self.parameters[0]]:.5g}"
         pen = ImageDraw.Draw(still)
         pen.fontmode = "1"  # a palette has no shades
         pen.text((4, height + line // 2), text, fill=last + 2, font=ImageFont.load_default(0.7 * line), anchor="lm")
         return still
-
-
-def sweep(view: View, parameter: Any, lower: Any, upper: Any, stills: Any) -> tuple[View, ...]:
-    """Return the views of a film, in which a parameter goes from one value to another."""
-    name = known_parameter("parameter", parameter, view.params)
-    values = np.linspace(
-        finite_number("lower", lower),
-        finite_number("upper", upper),
-        whole_number("stills", stills, at_least=2, at_most=MOST_STILLS),
-    )
-    return tuple(replace(view, params={**view.params, name: float(value)}) for value in values)
 
 
 def _palette(given: Any) -> NDArray[np.uint8]:

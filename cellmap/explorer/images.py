@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import threading
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._lib.arrays import Floats
+from .._lib.computed import computed_once
 from .._lib.stopping import check_stop
 from ..attractors.labels import LABEL_NAMES
 from ..basins.live import LiveBasins, LiveFrame
@@ -19,8 +21,8 @@ from ..maps.stroboscopic import Stroboscopic
 from ..maps.system import ForcedSystem
 from ..maps.trajectories import trajectory
 from ..orbits.attractor import Attractor, distinct_names
-from .explored import Explored
-from .mathematics import equations
+from .explored import USUAL_CELLS, Explored, ExploredScene
+from .mathematics import equations, symbol
 from .numbering import Numbering
 from .protocol import LOWEST, pixels
 from .view import View
@@ -47,6 +49,11 @@ class Images:
         self.shown: tuple[View, LiveFrame] | None = None
         self._live: tuple[tuple[int, float], LiveBasins, Numbering] | None = None
         self._guard = threading.Lock()
+
+    @computed_once
+    def described(self) -> dict[str, Any]:
+        """What the page has to know of the system."""
+        return described(self.explored)
 
     def frames(
         self, view: View, near: ArrayLike | None = None, anchors: Mapping[int, Floats] | None = None
@@ -114,11 +121,31 @@ def described(explored: Explored) -> dict[str, Any]:
         "equations": equations(system),
         "units": dict(explored.units),
         "forced": isinstance(system, ForcedSystem),
-        "coordinates": [{"name": c.name, "unit": c.unit, "period": c.period} for c in explored.coordinates],
+        "coordinates": [
+            {"name": c.name, "symbol": symbol(c.name), "unit": c.unit, "period": c.period} for c in explored.coordinates
+        ],
+        "symbols": {name: symbol(name) for name in first.params},
+        "picture": explored.picture or _picture(explored),
+        "fits": set(first.cells) == {USUAL_CELLS},
         "window": {"lower": explored.window.lower, "upper": explored.window.upper},
         "view": {name: getattr(first, name) for name in View.__dataclass_fields__},
         "scene": None if scene is None else {"bodies": scene.bodies, "effects": scene.effects, "parts": explored.parts},
     }
+
+
+def listed(entry: Explored | ExploredScene) -> dict[str, Any]:
+    """Return what the list of systems shows of one."""
+    image = entry.thumbnail
+    data = None if image is None else f"data:image/png;base64,{base64.b64encode(image.read_bytes()).decode()}"
+    return {"name": entry.name, "title": entry.title, "about": entry.about, "thumbnail": data}
+
+
+def _picture(explored: Explored) -> str:
+    """Return how orbits of a system are shown, where it does not say so."""
+    angles = sum(c.is_angle for c in explored.coordinates)
+    if not isinstance(explored.system, ForcedSystem) or len(explored.coordinates) > 2 > angles:
+        return "none"
+    return ("mass", "chain", "rotors")[min(angles, 2)]
 
 
 def basin_image(view: View, frame: LiveFrame) -> tuple[dict[str, Any], bytes]:
@@ -161,7 +188,7 @@ def _attractor(attractor: Attractor, name: str) -> dict[str, Any]:
     }
 
 
-def orbit(view: View, frame: LiveFrame, point: ArrayLike) -> dict[str, Any]:
+def orbit(explored: Explored, view: View, frame: LiveFrame, point: ArrayLike) -> dict[str, Any]:
     """Return the orbit of an initial condition under the map of a frame, and the attractor to which it converges."""
     point_map, start = frame.basins.point_map, view.state(point)
     assert point_map is not None
@@ -182,11 +209,11 @@ def orbit(view: View, frame: LiveFrame, point: ArrayLike) -> dict[str, Any]:
         "name": alone.label_name(label),
         "settled": settled if label >= 0 else None,
         "strobe": path.points,
-        "motion": _motion(frame, start, periods),
+        "motion": _motion(explored, frame, start, periods),
     }
 
 
-def _motion(frame: LiveFrame, start: Floats, periods: int) -> Mapping[str, Any] | None:
+def _motion(explored: Explored, frame: LiveFrame, start: Floats, periods: int) -> Mapping[str, Any] | None:
     """Return the states between the points of an orbit, for a forced system."""
     assert frame.basins.point_map is not None
     spec = frame.basins.point_map.without_table.spec
@@ -194,4 +221,6 @@ def _motion(frame: LiveFrame, start: Floats, periods: int) -> Mapping[str, Any] 
         return None
     samples = max(4, min(64, _SAMPLES // periods))
     path = trajectory(spec.system, start, periods, samples, spec.phase, spec.rtol, spec.atol, spec.method)
-    return {"times": path.times / spec.system.length, "states": path.wrapped, "samples": samples}
+    pivot = explored.pivot
+    places = None if pivot is None else [pivot(float(t), spec.system.params) for t in path.times]
+    return {"times": path.times / spec.system.length, "states": path.wrapped, "samples": samples, "pivot": places}

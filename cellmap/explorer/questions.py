@@ -57,7 +57,7 @@ QUESTIONS: Mapping[str, Callable[[Images, Mapping[str, Any]], Any]] = {
     "verify": lambda images, asked: verification(images.seen()[1], _number_of_samples(asked)),
     "certify": lambda images, asked: certificate(*images.seen()),
     "measures": lambda images, asked: measures(images.seen()[1]),
-    "orbit": lambda images, asked: orbit(*images.seen(complete=False), asked.get("point", ())),
+    "orbit": lambda images, asked: orbit(images.explored, *images.seen(complete=False), asked.get("point", ())),
     "saddles": lambda images, asked: saddles(*images.seen(), asked.get("longest_period", 1)),
     "diagram": lambda images, asked: diagram(*images.seen(), *range_of(asked)),
     "stability": lambda images, asked: stability(*images.seen(), asked.get("x"), asked.get("y")),

@@ -1,4 +1,4 @@
-"""Saddles of the map of an image, and their stable manifolds, which are the basin boundaries."""
+"""Saddles of the map of an image, their stable manifolds, which are the basin boundaries, and their unstable ones."""
 
 from __future__ import annotations
 
@@ -28,10 +28,11 @@ _SECONDS = 20.0  # after which no further manifold is begun
 
 
 def saddles(view: View, frame: LiveFrame, longest_period: Any) -> tuple[dict[str, Any], bytes]:
-    """Return the saddles with a point in the window, up to a period, and as bytes their stable manifolds.
+    """Return the saddles with a point in the window, up to a period, and as bytes their manifolds.
 
-    The bytes are numbers of four bytes, two for each point of a curve, NaN where a curve is interrupted; `lengths` has
-    the number of points for each saddle, 0 for those that are left out.
+    The bytes are numbers of four bytes, two for each point of a curve, NaN where a curve is interrupted: all stable
+    manifolds, then all unstable ones.  `lengths` has the number of points by kind for each saddle, 0 for those that are
+    left out.
     """
     if len(view.axes) != 2 or len(view.others) != 2:
         raise ValueError("manifolds are curves for maps of two coordinates only: take another system")
@@ -42,10 +43,12 @@ def saddles(view: View, frame: LiveFrame, longest_period: Any) -> tuple[dict[str
     assert isinstance(window, CellGrid)
     region = CellGrid(window.lower, window.upper, (_CELLS, _CELLS))
     found = [orbit for orbit in find_periodic_orbits(exact, region, longest) if _is_saddle(orbit)]
-    inverse, curves, began = _inverse(exact), [], time.monotonic()
-    for orbit in found:
-        late = time.monotonic() - began > _SECONDS
-        curves.append(np.empty((0, 2)) if late else _curve(exact, orbit, region, inverse))
+    inverse, curves, began = _inverse(exact), dict[str, list[Floats]](), time.monotonic()
+    for kind in ("stable", "unstable"):
+        curves[kind] = [
+            np.empty((0, 2)) if time.monotonic() - began > _SECONDS else _curve(exact, orbit, kind, region, inverse)
+            for orbit in found
+        ]
     facts = {
         "saddles": [
             {
@@ -56,9 +59,9 @@ def saddles(view: View, frame: LiveFrame, longest_period: Any) -> tuple[dict[str
             }
             for orbit in found
         ],
-        "lengths": [len(curve) for curve in curves],
+        "lengths": {kind: [len(curve) for curve in each] for kind, each in curves.items()},
     }
-    return facts, np.concatenate([*curves, np.empty((0, 2))]).astype("<f4").tobytes()
+    return facts, np.concatenate([*curves["stable"], *curves["unstable"], np.empty((0, 2))]).astype("<f4").tobytes()
 
 
 def _is_saddle(orbit: PeriodicOrbit) -> bool:
@@ -74,8 +77,8 @@ def _inverse(exact: PointMap) -> PointMap | None:
     return inverse_stroboscopic_map(spec.system, spec.phase, spec.rtol, spec.atol)
 
 
-def _curve(exact: PointMap, orbit: PeriodicOrbit, region: CellGrid, inverse: PointMap | None) -> Floats:
-    """Return all branches of a stable manifold, one after another with NaN between them."""
-    manifold = saddle_manifold(exact, orbit, "stable", region, _LENGTH, _SPACING, inverse)
+def _curve(exact: PointMap, orbit: PeriodicOrbit, kind: str, region: CellGrid, inverse: PointMap | None) -> Floats:
+    """Return all branches of a manifold, one after another with NaN between them."""
+    manifold = saddle_manifold(exact, orbit, kind, region, _LENGTH, _SPACING, inverse)
     interruption = np.full((1, 2), np.nan)
     return np.concatenate([part for branch in manifold.branches for part in (branch.points, interruption)])

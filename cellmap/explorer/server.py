@@ -1,23 +1,25 @@
-"""The web application: the page and one connection for each tab, to nobody but the page itself."""
+"""The web application: the page and one connection for each tab, to nobody but the page itself, and to watchers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
-from starlette.responses import Response
-from starlette.routing import Mount, WebSocketRoute
+from starlette.responses import FileResponse, Response
+from starlette.routing import BaseRoute, Mount, Route, Router, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from .explored import Explored, ExploredScene
+from .one_file import PAGE
 from .session import Session
+from .sharing import Broadcast
 
-PAGE = Path(__file__).parent / "page"
 HOSTS = ("127.0.0.1", "localhost")
 MOST_SESSIONS = 16
 
@@ -47,42 +49,95 @@ class _Headers:
         await self._app(scope, receive, sent)
 
 
-def application(gallery: Mapping[str, Explored | ExploredScene], token: str) -> Starlette:
+class _ThisMachine:
+    """Lets connections through that came to this machine's own address alone."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        server = scope.get("server") or ("", 0)
+        own = server[0] == HOSTS[0]
+        await (self._app if own else _unknown)(scope, receive, send)
+
+
+async def _unknown(scope: Scope, receive: Receive, send: Send) -> None:
+    if scope["type"] == "websocket":
+        await WebSocket(scope, receive, send).close(1008)
+    else:
+        await Response("not found", 404, media_type="text/plain")(scope, receive, send)
+
+
+@dataclass(frozen=True)
+class Shared:
+    """Where those who watch find the page: the address of this machine in a network, a token, and how many may."""
+
+    host: str
+    token: str
+    most: int
+
+
+def application(
+    gallery: Mapping[str, Explored | ExploredScene],
+    token: str,
+    views: Sequence[Mapping[str, Any]] = (),
+    shared: Shared | None = None,
+) -> Starlette:
     """Return the application that serves some systems at addresses that begin with a token.
 
     Every address without it is unknown.  A connection is accepted from a page of this server alone, by its `Origin`.
+    Where it is shared, another token leads to a page that shows the same images, and reads nothing.
     """
     sessions: set[Session] = set()
+    hosts = HOSTS if shared is None else (*HOSTS, shared.host)
+    broadcast = None if shared is None else Broadcast(shared.most)
+
+    async def refused(socket: WebSocket) -> bool:
+        if same_origin(socket.headers.get("origin"), socket.headers.get("host"), hosts):
+            return False
+        await socket.close(1008, "origin: open the address that the explorer has printed")
+        return True
 
     async def connected(socket: WebSocket) -> None:
-        if not same_origin(socket.headers.get("origin"), socket.headers.get("host")):
-            await socket.close(1008, "origin: open the address that the explorer has printed")
+        if await refused(socket):
             return
         await socket.accept()
         if len(sessions) >= MOST_SESSIONS:
             await socket.close(1013, f"{MOST_SESSIONS} pages are open: close one of them")
             return
-        session = Session(socket, gallery)
+        session = Session(socket, gallery, views, broadcast)
         sessions.add(session)
         try:
             await session.run()
         finally:
             sessions.discard(session)
 
-    inside = [WebSocketRoute("/connection", connected), Mount("/", StaticFiles(directory=PAGE, html=True))]
+    async def watched(socket: WebSocket) -> None:
+        assert broadcast is not None
+        if not await refused(socket):
+            await broadcast.watched(socket)
+
+    files = StaticFiles(directory=PAGE, html=True)
+    own = Router([WebSocketRoute("/connection", connected), Mount("/", files)])
+    routes: list[BaseRoute] = [Mount(f"/{token}", _ThisMachine(own))]
+    if shared is not None:
+        page = Route("/", lambda request: FileResponse(PAGE / "watch.html"))
+        routes.append(
+            Mount(f"/{shared.token}", Router([page, WebSocketRoute("/connection", watched), Mount("/", files)]))
+        )
     return Starlette(
-        routes=[Mount(f"/{token}", routes=inside)],
-        middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=list(HOSTS)), Middleware(_Headers)],
+        routes=routes,
+        middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=list(hosts)), Middleware(_Headers)],
         exception_handlers={404: lambda request, error: Response("not found", 404, media_type="text/plain")},
     )
 
 
-def same_origin(origin: str | None, host: str | None) -> bool:
-    """Tell whether a connection is from a page of the server at `host`, which is on this machine.
+def same_origin(origin: str | None, host: str | None, hosts: Sequence[str] = HOSTS) -> bool:
+    """Tell whether a connection is from a page of the server at `host`, which is one of this machine's names.
 
     Examples
     --------
     >>> same_origin("http://127.0.0.1:8000", "127.0.0.1:8000"), same_origin("http://example.org", "127.0.0.1:8000")
     (True, False)
     """
-    return host is not None and host.split(":")[0] in HOSTS and origin == f"http://{host}"
+    return host is not None and host.split(":")[0] in hosts and origin == f"http://{host}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
 import socket
@@ -19,6 +20,10 @@ from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..maps.system import ForcedSystem
 from .explored import Explored, ExploredScene, checked_gallery, explored_from
+from .views import load_views
+
+HERE = "127.0.0.1"
+MOST_WATCHERS = 1000
 
 _STARTING = 20.0  # seconds
 
@@ -30,17 +35,24 @@ class Explorer:
     ----------
     address : str
         Address of the page, with a random token that nobody else knows.
+    watch_address : str or None
+        Address at which others on the network watch, with a token of its own; None where nobody may.
     """
 
-    def __init__(self, server: Any, listening: socket.socket, address: str) -> None:
-        self.address = address
+    def __init__(
+        self, server: Any, listening: Sequence[socket.socket], address: str, watch_address: str | None = None
+    ) -> None:
+        self.address, self.watch_address = address, watch_address
         self._server = server
         self._thread = threading.Thread(
-            target=server.run, kwargs={"sockets": [listening]}, name="explorer", daemon=True
+            target=server.run, kwargs={"sockets": list(listening)}, name="explorer", daemon=True
         )
 
     def __repr__(self) -> str:
         return f"Explorer({self.address if self._thread.is_alive() else 'closed'})"
+
+    def __str__(self) -> str:
+        return self.address + (f"\nto watch: {self.watch_address}" if self.watch_address else "")
 
     def _repr_html_(self) -> str:
         """Return the page as a notebook on the same machine shows it."""
@@ -76,8 +88,15 @@ class Explorer:
             self.close()
 
 
-def serve(gallery: Sequence[Explored | ExploredScene], port: int = 0, open_page: bool = True) -> Explorer:
-    """Return a running server of some systems, bound to this machine alone.
+def serve(
+    gallery: Sequence[Explored | ExploredScene],
+    port: int = 0,
+    open_page: bool = True,
+    views: str | os.PathLike[str] | None = None,
+    watchers: int = 0,
+    host: str | None = None,
+) -> Explorer:
+    """Return a running server of some systems, bound to this machine alone, and for watchers to its network.
 
     Raises
     ------
@@ -89,14 +108,19 @@ def serve(gallery: Sequence[Explored | ExploredScene], port: int = 0, open_page:
     try:
         import uvicorn
 
-        from .server import application
+        from .server import Shared, application
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(f"{error}: pip install 'cellmap-dynamics[explorer]'") from error
     systems = {e.name: e for e in checked_gallery(gallery)}
-    listening = _listening(whole_number("port", port, at_most=65535))
+    prepared = [] if views is None else load_views(views, systems)
+    most = whole_number("watchers", watchers, at_most=MOST_WATCHERS)
+    shared = Shared(host or _host_in_network(), secrets.token_urlsafe(9), most) if most else None
+    listening = [_listening(HERE, whole_number("port", port, at_most=65535))]
+    if shared is not None:
+        listening.append(_listening(shared.host, listening[0].getsockname()[1] if shared.host != HERE else 0))
     token = secrets.token_urlsafe(24)
     config = uvicorn.Config(
-        application(systems, token),
+        application(systems, token, prepared, shared),
         ws="websockets-sansio",
         ws_per_message_deflate=False,
         ws_max_size=2**17,
@@ -106,23 +130,37 @@ def serve(gallery: Sequence[Explored | ExploredScene], port: int = 0, open_page:
         server_header=False,
         lifespan="off",
     )
-    explorer = Explorer(uvicorn.Server(config), listening, f"http://127.0.0.1:{listening.getsockname()[1]}/{token}/")
+    places = [f"http://{end.getsockname()[0]}:{end.getsockname()[1]}" for end in listening]
+    watch = None if shared is None else f"{places[1]}/{shared.token}/"
+    explorer = Explorer(uvicorn.Server(config), listening, f"{places[0]}/{token}/", watch)
     explorer.start()
     if open_page:
         webbrowser.open(explorer.address)
     return explorer
 
 
-def _listening(port: int) -> socket.socket:
+def _host_in_network() -> str:
+    """Return the address of this machine in its network, which it would use towards a place elsewhere."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as towards:
+        try:
+            towards.connect(("192.0.2.1", 9))  # of a range for documents; nothing is sent
+        except OSError as error:
+            raise OSError(error.errno, "this machine is in no network: connect it, or name its address") from None
+        return str(towards.getsockname()[0])
+
+
+def _listening(host: str, port: int) -> socket.socket:
     """Return a socket at a port, also just after another server of it has ended, whose pages are open."""
     listening = socket.socket()
     if os.name == "posix":  # elsewhere the option takes the port from a server that is running
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listening.bind(("127.0.0.1", port))
+        listening.bind((host, port))
         listening.listen(2048)
     except OSError as error:
         listening.close()
+        if error.errno == errno.EADDRNOTAVAIL:
+            raise OSError(error.errno, f"host={host!r}: this machine has no such address") from None
         taken = "is taken by another program: end that one, or give another port or none"
         raise OSError(error.errno, f"port={port} {taken}") from None
     return listening
@@ -137,10 +175,13 @@ def explore(
     port: int = 0,
     open_page: bool = True,
     wait: bool | None = None,
+    views: str | os.PathLike[str] | None = None,
+    watchers: int = 0,
 ) -> Explorer:
     """Show the basins of a system in the browser, where parameters, phase and window can be changed.
 
-    The server listens on this machine alone, and its address has a random token.
+    The server listens on this machine alone, and its address has a random token.  With `watchers`, others on the
+    network see the same images at a second address, and can change nothing.
 
     Parameters
     ----------
@@ -157,11 +198,15 @@ def explore(
         Open the page in the browser.
     wait : bool, optional
         Return when the server ends, as a script needs it.  By default in a script, but not in an interactive session.
+    views : path, optional
+        File of prepared views, see the page on the explorer; the system's name there is ``given``.
+    watchers : int, optional
+        How many others may watch at a time, by default nobody.
 
     Returns
     -------
     Explorer
-        The server, with its `address`; ``close()`` ends it.
+        The server, with its `address` and its `watch_address`; ``close()`` ends it.
 
     Raises
     ------
@@ -172,8 +217,8 @@ def explore(
     OSError
         If the port is taken.
     """
-    explorer = serve([explored_from(system, region, nodes)], port, open_page)
+    explorer = serve([explored_from(system, region, nodes)], port, open_page, views, watchers)
     if wait if wait is not None else not (hasattr(sys, "ps1") or "IPython" in sys.modules):
-        print(explorer.address, flush=True)
+        print(explorer, flush=True)
         explorer.wait()
     return explorer

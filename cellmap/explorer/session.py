@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,13 +18,15 @@ from ..attractors.labels import LABEL_NAMES
 from .accuracy import TOLERANCES
 from .equations import typed_system
 from .explored import Explored, ExploredScene, explored_of
-from .films import Film, FilmStopped, Still, sweep
+from .family import Still
+from .films import Film, FilmStopped
 from .formulas import EquationError
-from .images import LONGEST, Images, basin_image, described
+from .images import LONGEST, Images, basin_image, listed
 from .jobs import THREADS, Jobs
 from .numbering import anchors_of
 from .protocol import LOWEST, MessageError, decoded, encoded, packed
-from .questions import QUESTIONS, failure, range_of
+from .questions import QUESTIONS, failure
+from .sharing import Broadcast
 from .view import SCHEMA, View
 
 UNDER_WAY = 2
@@ -32,6 +34,9 @@ UNDER_WAY = 2
 
 PATIENCE = 1.0
 """Seconds for which an image without a first frame is not given up for a newer one."""
+
+LONGEST_CAPTION = 500
+"""Characters of a sentence that watchers see below the image."""
 
 RATE, BURST = 300.0, 600.0
 """Messages a second that a page may send for long, and at once."""
@@ -48,8 +53,15 @@ class _Wanted:
     anchors: Mapping[int, Floats]
     since: float
     film: Film | None = None
+    caption: str = ""
     stop: Stop = field(default_factory=Stop)
     given_up: asyncio.Event = field(default_factory=asyncio.Event)
+
+    def said(self, number: int) -> dict[str, Any]:
+        """Return what watchers are told of one of the images."""
+        view, explored = self.views[number], self.images.explored
+        facts = {name: getattr(view, name) for name in View.__dataclass_fields__}
+        return {"view": facts, "system": self.images.described, "title": explored.title, "caption": self.caption}
 
     def give_up(self) -> None:
         """End it, at once for the page; its thread may be compiling, and ends later."""
@@ -67,10 +79,20 @@ class Session:
         Connection that has been accepted.
     gallery : mapping of str to Explored or ExploredScene
         Systems by name.
+    views : sequence, optional
+        Views that were prepared; see :func:`load_views`.
+    broadcast : Broadcast or None, optional
+        Watchers of the images.
     """
 
-    def __init__(self, socket: WebSocket, gallery: Mapping[str, Explored | ExploredScene]) -> None:
-        self._socket, self._gallery = socket, gallery
+    def __init__(
+        self,
+        socket: WebSocket,
+        gallery: Mapping[str, Explored | ExploredScene],
+        views: Sequence[Mapping[str, Any]] = (),
+        broadcast: Broadcast | None = None,
+    ) -> None:
+        self._socket, self._gallery, self._views, self._broadcast = socket, gallery, views, broadcast
         self._images = Images(explored_of(next(iter(gallery.values()))))
         self._wanted: _Wanted | None = None  # newest
         self._present: _Wanted | None = None  # being computed
@@ -109,8 +131,9 @@ class Session:
                 "lowest": LOWEST,
                 "tolerances": TOLERANCES,
                 "codes": {name: code for code, name in LABEL_NAMES.items()},
-                "systems": [{"name": e.name, "title": e.title} for e in self._gallery.values()],
-                "system": described(self._images.explored),
+                "systems": [listed(e) for e in self._gallery.values()],
+                "views": self._views,
+                "system": self._images.described,
             }
         )
 
@@ -144,12 +167,15 @@ class Session:
             request = whole_number("request", asked.get("request"))
             view = View.of(asked.get("view"), self._images.explored)
             anchors = anchors_of(asked.get("anchors"), len(view.others))
-            self._ask_for(_Wanted(request, self._images, (view,), asked.get("near"), anchors, time.monotonic()))
+            caption = text("caption", asked.get("caption") or "")[:LONGEST_CAPTION]
+            wanted = _Wanted(
+                request, self._images, (view,), asked.get("near"), anchors, time.monotonic(), caption=caption
+            )
+            self._ask_for(wanted)
         elif kind == "film":
             request = whole_number("request", asked.get("request"))
             view = View.of(asked.get("view"), self._images.explored)
-            views = sweep(view, *range_of(asked), asked.get("stills"))
-            film = Film.of(asked["parameter"], asked.get("format"), asked.get("palette"), view)
+            film, views = Film.of(asked, view)
             self._ask_for(_Wanted(request, self._images, views, None, {}, time.monotonic(), film))
         elif kind == "cancel":
             await self._cancel(whole_number("of", asked.get("of")))
@@ -191,7 +217,8 @@ class Session:
             if name not in self._gallery:
                 raise ValueError(f"name={shown(name)}: choose one of {', '.join(self._gallery)}")
             explored = explored_of(self._gallery[name], asked.get("parts"))
-        return Images(explored), described(explored)
+        images = Images(explored)
+        return images, images.described
 
     async def _use(self, asked: Mapping[str, Any], chosen: tuple[Images, dict[str, Any]]) -> None:
         self._give_up()
@@ -262,11 +289,10 @@ class Session:
                     self._has_frame, complete = True, frame.complete
                     facts, data = basin_image(view, frame)
                     if film is not None:
-                        value = view.params[film.parameter]
-                        still = {"number": k + 1, "of": len(wanted.views), "parameter": film.parameter, "value": value}
-                        facts["film"] = still
+                        values = {name: view.params[name] for name in film.parameters}
+                        facts["film"] = {"number": k + 1, "of": len(wanted.views), "values": values}
                         if frame.complete and len(stills) == k:
-                            stills.append((view, view.raster(frame.identity_image)))
+                            stills.append(Still(view, view.raster(frame.identity_image), facts["attractors"]))
                     loop.call_soon_threadsafe(self._offer, wanted, facts, data)
                     if self._wanted is not wanted:
                         return complete
@@ -288,7 +314,7 @@ class Session:
         stills = self._stills_of(wanted)
         if len(stills) < len(wanted.views):
             raise FilmStopped(len(stills), len(wanted.views))
-        facts, data = await asyncio.get_running_loop().run_in_executor(None, film.file, stills)
+        facts, data = await asyncio.get_running_loop().run_in_executor(None, film.file, wanted.images.explored, stills)
         self._stills = None
         async with self._sending:
             await self._socket.send_bytes(packed({"type": "film", "request": wanted.request, **facts}, data))
@@ -305,6 +331,8 @@ class Session:
             if self._waiting is None or len(self._sent) >= UNDER_WAY:
                 continue
             (wanted, facts, data), self._waiting = self._waiting, None
+            if self._broadcast is not None:
+                self._broadcast.show({**facts, **wanted.said(facts.get("film", {}).get("number", 1) - 1)}, data)
             self._frames += 1
             self._sent.add(self._frames)
             facts = {"type": "frame", "request": wanted.request, "frame": self._frames, **facts}

@@ -45,7 +45,8 @@ def explorer_widget(
         import anywidget
         import traitlets
 
-        from .channels import Channels, page_of_one_file
+        from .channels import Channels
+        from .one_file import page_of_one_file
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(f"{error}: pip install 'cellmap-dynamics[notebook]'") from error
 
