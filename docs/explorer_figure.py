@@ -1,53 +1,64 @@
-"""Figure and film of the explorer on the pages: ``python docs/explorer_figure.py``, with Chromium on this machine.
-
-The film is what the browser has shown, in real time.
-"""
+"""Pictures of the explorer: ``python docs/explorer_figure.py [screens] [thumbnails]``, screens with Chromium."""
 
 from __future__ import annotations
 
-import base64
 import io
 import os
 import shutil
-import time
+import sys
 from collections.abc import Callable
-from fractions import Fraction
-from math import sin
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import av
 import numpy as np
+from matplotlib.colors import to_rgb
 from PIL import Image
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
-from cellmap.explorer.explored import load_gallery
+from cellmap.explorer.explored import explored_of, load_gallery
+from cellmap.explorer.images import Images
+from cellmap.explorer.protocol import LOWEST
 from cellmap.explorer.serving import serve
+from cellmap.explorer.view import View
+from cellmap.plot._colours import CODE_COLOURS, COLOURS
 
-STATIC = Path(__file__).parent / "_static"
+HERE = Path(__file__).parent
 PROGRAM = os.environ.get("CELLMAP_BROWSER") or shutil.which("chromium") or shutil.which("google-chrome")
 COMPLETE = "document.getElementById('preview').hidden && document.querySelectorAll('#attractors td').length > 0"
-SIZE = {"width": 1200, "height": 900}
-TICKS = 1000  # of the film's clock in a second
-
-SLIDE = """([label, share]) => {
-  const slider = document.querySelector(`input[aria-label="${label}, slider"]`);
-  slider.valueAsNumber = Number(slider.min) + share * (slider.max - slider.min);
-  slider.dispatchEvent(new Event("input"));
-}"""
+THUMBNAIL = 64  # pixels
 
 
 def main() -> None:
-    """Make the figure, then the film."""
-    with serve(load_gallery("systems.gallery"), open_page=False) as explorer, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=PROGRAM, args=["--no-sandbox"])
-        for make in (figure, film):
-            page = browser.new_page(viewport=SIZE)
-            page.goto(explorer.address)
-            wait_for(page, COMPLETE)
-            make(page)
-            page.close()
-        browser.close()
+    """Make what is asked for, by default both."""
+    asked = sys.argv[1:] or ["screens", "thumbnails"]
+    if "thumbnails" in asked:
+        thumbnails()
+    if "screens" in asked:
+        with (
+            serve(load_gallery("systems.gallery"), open_page=False, views=HERE / "lecture.toml") as explorer,
+            sync_playwright() as playwright,
+        ):
+            browser = playwright.chromium.launch(executable_path=PROGRAM, args=["--no-sandbox"])
+            first = explorer.address + "#schema=1&system=driven_pendulum&cells=776,776"
+            screen(browser, first, "explorer", (1400, 900), desk)
+            screen(browser, explorer.address, "explorer_lecture", (1400, 900), lecture)
+            screen(browser, first, "explorer_dark", (1400, 900), diagram, dark=True)
+            screen(browser, first.replace("776", "374"), "explorer_phone", (390, 844), lambda page: None)
+            browser.close()
+
+
+def screen(
+    browser: Browser, address: str, name: str, size: tuple[int, int], act: Callable[[Page], None], dark: bool = False
+) -> None:
+    """Open a page, do something, and keep the screen with 96 colours."""
+    page = browser.new_page(viewport={"width": size[0], "height": size[1]}, color_scheme="dark" if dark else "light")
+    page.goto(address)
+    wait_for(page, COMPLETE)
+    act(page)
+    page.wait_for_timeout(500)
+    shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    shot.quantize(96, dither=Image.Dither.NONE).save(HERE / "_static" / f"{name}.png", optimize=True)
+    page.close()
 
 
 def wait_for(page: Page, condition: str) -> None:
@@ -56,99 +67,54 @@ def wait_for(page: Page, condition: str) -> None:
         page.wait_for_timeout(20)
 
 
-def figure(page: Page) -> None:
-    """Click a point, search for the saddles, draw a bifurcation diagram, and keep the screen."""
-    page.select_option("#along", "amplitude")
+def desk(page: Page) -> None:
+    """Saddles with their manifolds, and an orbit that moves."""
     page.click("#saddles")
-    page.wait_for_selector("#found li")
-    page.click("#diagram")
-    page.wait_for_selector("#bifurcations:visible")
-    page.evaluate("scrollTo(0, 0)")
-    page.click("#image", position={"x": 200, "y": 120})
-    page.wait_for_selector("#ends li")
-    page.evaluate("scrollTo(0, 0)")
-    screen = Image.open(io.BytesIO(page.screenshot()))
-    screen.convert("P", palette=Image.Palette.ADAPTIVE, colors=64).save(STATIC / "explorer.png", optimize=True)
-
-
-def film(page: Page) -> None:
-    """Record half a minute: a parameter, the window, an orbit, saddles, both panes, and the parts of a scene."""
-    shots: list[tuple[float, bytes]] = []
-    session = page.context.new_cdp_session(page)
-
-    def shot(event: dict[str, Any]) -> None:
-        shots.append((event["metadata"]["timestamp"], base64.b64decode(event["data"])))
-        session.send("Page.screencastFrameAck", {"sessionId": event["sessionId"]})
-
-    session.on("Page.screencastFrame", shot)
-    session.send("Page.startScreencast", {"format": "jpeg", "quality": 92})
-    drag(page, "amplitude", 8.0)
-    page.mouse.move(330, 300)
-    during(page, 3.0, lambda _: page.mouse.wheel(0, -25))
-    page.wait_for_timeout(800)
-    page.mouse.click(250, 420)
-    page.wait_for_timeout(1500)
-    page.click("#reset")
-    wait_for(page, COMPLETE)
-    page.click("#saddles")
+    page.wait_for_selector("#found li", state="attached")
+    page.click("#image", position={"x": 250, "y": 150})
+    page.wait_for_selector("#body:visible")
     page.wait_for_timeout(2500)
+    page.click("#run")
+
+
+def lecture(page: Page) -> None:
+    """The third prepared view, with an orbit and the pointer at a basin."""
+    page.keyboard.press("3")
+    page.wait_for_timeout(500)
+    wait_for(page, COMPLETE)
+    page.keyboard.press("l")
+    page.wait_for_timeout(1000)
+    wait_for(page, COMPLETE)
+    page.click("#image", position={"x": 300, "y": 300})
+    page.wait_for_timeout(2000)
+    page.mouse.move(250, 620)
+
+
+def diagram(page: Page) -> None:
+    """A bifurcation diagram."""
     page.select_option("#along", "amplitude")
-    page.select_option("#across", "damping")
-    page.evaluate("document.getElementById('along').scrollIntoView()")
     page.click("#diagram")
     page.wait_for_selector("#bifurcations:visible")
-    page.wait_for_timeout(800)
-    for x in (330, 250, 170, 90):
-        page.click("#bifurcations", position={"x": x, "y": 60})
-        page.wait_for_timeout(700)
-    page.evaluate("document.getElementById('across').scrollIntoView()")
-    page.click("#stability")
-    page.wait_for_selector("#plane:visible")
-    for x, y in ((200, 60), (300, 160), (120, 200)):
-        page.click("#plane", position={"x": x, "y": y})
-        page.wait_for_timeout(700)
-    page.select_option("#system", "scene")
-    page.evaluate("scrollTo(0, 0)")
-    wait_for(page, COMPLETE)
-    for effect in ("horizontal drive", "constant torque"):
-        page.check(f"#parts input[value='{effect}']")
-        page.wait_for_timeout(200)
-        wait_for(page, f"document.querySelector('[for*={effect.split()[0]}]') !== null")  # a parameter of its own
-        wait_for(page, COMPLETE)
-        page.wait_for_timeout(1200)
-    session.send("Page.stopScreencast")
-    encode(shots, STATIC / "explorer.mp4")
 
 
-def during(page: Page, seconds: float, act: Callable[[float], object]) -> None:
-    """Do something again and again, with the time since the beginning."""
-    begin = time.monotonic()
-    while (passed := time.monotonic() - begin) < seconds:
-        act(passed)
-        page.wait_for_timeout(15)
-
-
-def drag(page: Page, parameter: str, seconds: float) -> None:
-    """Move a slider to and fro."""
-    during(page, seconds, lambda t: page.evaluate(SLIDE, [parameter, 0.5 + 0.3 * sin(0.8 * t)]))
-
-
-def encode(shots: list[tuple[float, bytes]], path: Path) -> None:
-    """Write screens with their times as a video."""
-    begin = shots[0][0]
-    with av.open(str(path), "w", options={"movflags": "faststart"}) as container:
-        stream = container.add_stream("libx264", rate=30, options={"crf": "27", "preset": "medium"})
-        stream.width, stream.height, stream.pix_fmt = SIZE["width"], SIZE["height"], "yuv420p"
-        stream.time_base = stream.codec_context.time_base = Fraction(1, TICKS)
-        before = -1
-        for when, data in shots:
-            screen = Image.open(io.BytesIO(data)).convert("RGB").resize(tuple(SIZE.values()))
-            frame = av.VideoFrame.from_ndarray(np.asarray(screen), format="rgb24")
-            frame.pts = before = max(before + 1, round(TICKS * (when - begin)))
-            frame.time_base = Fraction(1, TICKS)
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode())
-    print(f"{path}: {len(shots)} screens, {shots[-1][0] - begin:.1f} s, {path.stat().st_size / 1e6:.2f} MB")
+def thumbnails() -> None:
+    """Draw each system of the gallery as it is shown first."""
+    folder = HERE.parent / "systems" / "thumbnails"
+    folder.mkdir(exist_ok=True)
+    colours = [tuple(int(c[k : k + 2], 16) for k in (1, 3, 5)) for c in COLOURS]
+    for entry in load_gallery("systems.gallery"):
+        explored = explored_of(entry)
+        view = View.first(explored)
+        view = replace(view, cells=tuple(THUMBNAIL for _ in view.axes), nodes=min(view.nodes, 64))
+        *_, frame = Images(explored).frames(view)
+        raster = view.raster(frame.identity_image)
+        raster = np.broadcast_to(raster, (THUMBNAIL, raster.shape[1]))
+        paint = {n: colours[n % len(colours)] for n in range(raster.max() + 1)} | {
+            int(code): tuple(round(255 * part) for part in to_rgb(colour)) for code, colour in CODE_COLOURS.items()
+        }
+        pixels = np.array([paint.get(n, (0, 0, 0)) for n in range(LOWEST, raster.max() + 1)], np.uint8)[raster - LOWEST]
+        Image.fromarray(pixels).quantize(64).save(folder / f"{entry.name}.png", optimize=True)
+        print(entry.name, (folder / f"{entry.name}.png").stat().st_size, flush=True)
 
 
 if __name__ == "__main__":

@@ -56,7 +56,14 @@ def _line(fit: Fit) -> dict[str, Any]:
     return {
         "value": fit.slope,
         "error": fit.standard_error,
-        "fit": {"x": fit.x, "y": fit.y, "window": fit.fit_range, "slope": fit.slope, "intercept": fit.intercept},
+        "fit": {
+            "x": fit.x,
+            "y": fit.y,
+            "labels": fit.labels,
+            "window": fit.fit_range,
+            "slope": fit.slope,
+            "intercept": fit.intercept,
+        },
     }
 
 

@@ -61,7 +61,9 @@ class _Wanted:
         """Return what watchers are told of one of the images."""
         view, explored = self.views[number], self.images.explored
         facts = {name: getattr(view, name) for name in View.__dataclass_fields__}
-        return {"view": facts, "system": self.images.described, "title": explored.title, "caption": self.caption}
+        codes = {name: code for code, name in LABEL_NAMES.items()}
+        said = {"view": facts, "system": self.images.described, "title": explored.title, "caption": self.caption}
+        return {**said, "codes": codes, "lowest": LOWEST}
 
     def give_up(self) -> None:
         """End it, at once for the page; its thread may be compiling, and ends later."""

@@ -7,8 +7,8 @@ import { Work } from "./work.js";
 
 // Connects the buttons with a page, and returns `offer`, which enables what its present system and map allow.
 export function actions(page) {
-  const { $, state, live, gestures, sweep, plane, orbits, shown, redraw, open } = page;
-  const quality = (text) => { $("quality").textContent = text; };
+  const { $, state, live, gestures, sweep, plane, orbits, shown, redraw, open, tabs } = page;
+  const verdict = (text) => { $("verdict").textContent = text; };
   const file = async (work, type) => {
     const { name, media, data } = await live.askOfImage(work, { type });
     download(name, new Blob([data], { type: media }));
@@ -21,6 +21,11 @@ export function actions(page) {
     reset: () => gestures.reset(),
     in: () => { gestures.remember(); gestures.zoom(0.5); },
     out: () => { gestures.remember(); gestures.zoom(2); },
+    html: () => {
+      $("format").value = "html";
+      tabs.showWith($("film"));
+      $("film").click();
+    },
     clear: () => { orbits.clear(); redraw(); },
     "first-values": () => page.reset(),
     type: () => { $("equations").hidden = !$("equations").hidden; $("type").ariaExpanded = String(!$("equations").hidden); },
@@ -28,10 +33,10 @@ export function actions(page) {
   for (const [id, act] of Object.entries(atOnce)) $(id).addEventListener("click", act);
 
   const lasting = {
-    verify: ["verifying", (work) => live.ofThisImage(work, { type: "verify" }, (found) => quality(verified(found)))],
+    verify: ["verifying", (work) => live.ofThisImage(work, { type: "verify" }, (found) => verdict(verified(found)))],
     certify: ["certifying", (work) => live.ofThisImage(work, { type: "certify" }, (found) => {
       shown.open = found;
-      quality(certified(found));
+      verdict(certified(found));
     })],
     diagram: ["following the attractors", (work) => sweep.diagram(answered(work))],
     film: ["computing the images of the film", async (work) => {
@@ -52,6 +57,7 @@ export function actions(page) {
     saddles: ["searching for saddles", (work) => live.ofThisImage(work, { type: "saddles", longest_period: Number($("longest").value) }, (found) => {
       shown.saddles = { ...found, points: new Float32Array(found.data.slice().buffer) };
       showSaddles($("found"), shown.saddles);
+      tabs.showWith($("found"));
     })],
     measure: ["measuring", (work) => live.ofThisImage(work, { type: "measures" }, ({ measures }) => showMeasures($("measures"), measures))],
     script: ["writing", async (work) => {
@@ -103,7 +109,7 @@ export function actions(page) {
     $("forward").disabled = !gestures.future.length;
     allow("certify", flat || (view.nodes ? "" : "the map is exact, and has no interpolation errors; choose a map of cells"));
     allow("saddles", flat);
-    for (const id of ["diagram", "film"]) allow(id, parameters ? "" : "the system has no parameter");
+    for (const id of ["diagram", "film", "html"]) allow(id, parameters ? "" : "the system has no parameter");
     allow("stability", parameters > 1 ? "" : "it is for systems of two parameters or more");
     allow("nodes", dimension > 2 ? "interpolated maps have at most two coordinates" : "");
     allow("tolerance", system.forced ? "" : "a discrete map is not integrated");

@@ -4,8 +4,9 @@ const CLICK = 4; // pixels that a pointer may move in a click
 
 export class Gestures {
   // `get` returns the view; `set(lower, upper)` changes it; `clicked(place)` and `pointed(place)` get fractions.
-  constructor(canvas, { get, set, clicked, pointed, box }) {
-    Object.assign(this, { canvas, get, set, clicked, pointed, box });
+  // `held(place)` returns what is under the pointer and moves with it, null for nothing; `pulled(what, place)` moves it.
+  constructor(canvas, { get, set, clicked, pointed, held, pulled, box }) {
+    Object.assign(this, { canvas, get, set, clicked, pointed, held, pulled, box });
     this.pointers = new Map();
     this.past = [];
     this.future = [];
@@ -74,11 +75,15 @@ export class Gestures {
     this.begin = { limits: this.limits(), points: [...this.pointers.values()], at: [event.clientX, event.clientY] };
     this.moved = this.pointers.size > 1;
     this.boxing = event.shiftKey || this.box.checked;
+    this.holding = this.moved ? null : this.held(this.fraction(event));
   }
 
   move(event) {
     const now = this.fraction(event);
-    if (!this.pointers.has(event.pointerId)) return this.pointed(now);
+    if (!this.pointers.has(event.pointerId)) {
+      this.canvas.style.cursor = this.held(now) === null ? "" : "grab";
+      return this.pointed(now);
+    }
     this.pointers.set(event.pointerId, now);
     const [x, y] = this.begin.at;
     this.moved ||= Math.hypot(event.clientX - x, event.clientY - y) > CLICK;
@@ -88,6 +93,9 @@ export class Gestures {
     if (present.length > 1 && before.length > 1) {
       const ratio = distance(before) / Math.max(distance(present), 1e-3);
       this.zoom(ratio, middle(before), this.begin.limits);
+    } else if (this.holding !== null) {
+      this.pulled(this.holding, now);
+      this.pointed(now);
     } else if (this.boxing) {
       this.pointed(now, [before[0], now]);
     } else {
@@ -105,7 +113,8 @@ export class Gestures {
       if (event.type === "pointerup") this.clicked(end);
       return;
     }
-    if (this.boxing) this.zoomInto(this.begin.points[0], end);
+    if (this.holding !== null) this.pulled(this.holding, end);
+    else if (this.boxing) this.zoomInto(this.begin.points[0], end);
     else this.remember(this.begin.limits);
     this.pointed(end);
   }

@@ -3,6 +3,7 @@
 import { remember } from "./address.js";
 import { short } from "./numbers.js";
 import { accuracy, news, noise, showAttractors } from "./report.js";
+import { showLegend } from "./viewer.js";
 import { Work } from "./work.js";
 
 const OFTEN = 15; // milliseconds between two views that are sent: values in between are dropped here already
@@ -11,8 +12,8 @@ const KEPT = 200; // views whose images may still come
 
 export class Live {
   // `state` has the view; `put()` shows its parameters, `put(name, value)` another one; `near()` is the place to begin at.
-  constructor(state, connection, { $, names, put, near, redraw, changed, whole }) {
-    Object.assign(this, { state, connection, $, names, put, near, redraw, done: whole });
+  constructor(state, connection, { $, names, put, near, redraw, changed, whole, caption }) {
+    Object.assign(this, { state, connection, $, names, put, near, redraw, caption, done: whole });
     this.views = new Map(); // by the numbers of their requests
     this.newest = 0; // request of the image that was asked for last
     this.current = this.whole = false; // whether the picture is of it, and complete
@@ -26,6 +27,19 @@ export class Live {
     this.again = changed;
     this.working = new Work($("band"));
     this.working.changed = () => this.dim();
+    const lit = (event) => this.light(Number(event.target.closest("tr[data-identity]")?.dataset.identity ?? NaN));
+    for (const [begin, end] of [["pointerover", "pointerleave"], ["focusin", "focusout"]]) {
+      $("attractors").addEventListener(begin, lit);
+      $("attractors").addEventListener(end, () => this.light(NaN));
+    }
+  }
+
+  // Lights the basin of a row of the table, for none NaN.
+  light(identity) {
+    if (!this.picture || Object.is(this.picture.lit, identity)) return;
+    this.picture.lit = identity;
+    this.picture.repaint();
+    this.redraw();
   }
 
   // Begins with another system.
@@ -44,6 +58,7 @@ export class Live {
     this.$("preview").hidden = false;
     this.$("quality").textContent = "The image is a preview.";
     this.$("news").textContent = "";
+    this.$("verdict").textContent = "";
     this.$("noise").hidden = true;
     if (!this.working.running || this.current) this.clock();
     this.current = this.whole = false;
@@ -59,7 +74,7 @@ export class Live {
     [this.asking, this.sent] = [null, performance.now()];
     const view = structuredClone(this.state.view);
     const anchors = this.fresh ? { anchors: this.state.anchors } : {};
-    this.newest = this.connection.send({ type: "view", view, near: this.near(), ...anchors });
+    this.newest = this.connection.send({ type: "view", view, near: this.near(), caption: this.caption(), ...anchors });
     this.views.set(this.newest, view);
     for (const request of this.views.keys()) if (this.views.size > KEPT) this.views.delete(request);
     clearTimeout(this.later);
@@ -104,10 +119,14 @@ export class Live {
     }
     if (frame.complete || performance.now() - this.listed > SLOWLY) {
       showAttractors($("attractors").tBodies[0], frame, this.codes);
+      showLegend($("legend"), [
+        ...frame.attractors.map((a) => ({ number: a.identity, name: a.name, fraction: a.fraction })),
+        ...Object.entries(frame.others).map(([name, fraction]) => ({ number: this.codes[name], name, fraction })),
+      ].slice(0, 12));
       this.listed = performance.now();
     }
     const told = frame.complete && news(frame, this.names);
-    if (told) $("news").textContent = told;
+    if (told && !this.fresh) $("news").textContent = told;
     if (present && frame.complete) this.completed(frame);
   }
 
@@ -142,12 +161,12 @@ export class Live {
     this.dim();
   }
 
-  ofFilm({ film: { number, of, parameter, value } }) {
+  ofFilm({ film: { number, of, values } }) {
     const reel = this.$("reel");
     reel.hidden = false;
-    reel.textContent = `film: ${number} of ${of}, ${parameter} = ${short(value)}`;
-    this.put(parameter, value);
-    return { ...this.film.view, params: { ...this.film.view.params, [parameter]: value } };
+    reel.textContent = `film: ${number} of ${of}, ${Object.entries(values).map(([name, v]) => `${name} = ${short(v)}`).join(", ")}`;
+    for (const [name, value] of Object.entries(values)) this.put(name, value);
+    return { ...this.film.view, params: { ...this.film.view.params, ...values } };
   }
 
   leaveFilm() {

@@ -4,10 +4,11 @@ import { actions } from "./actions.js";
 import { fitting, fittingAnchors, read } from "./address.js";
 import { Away } from "./away.js";
 import { Connection, connect } from "./connection.js";
-import { Controls, Limits, choices } from "./controls.js";
+import { Controls, Limits, choices, systems } from "./controls.js";
 import { Equations } from "./equations.js";
 import { Gestures } from "./gestures.js";
 import { History } from "./history.js";
+import { Lecture } from "./lecture.js";
 import { Live } from "./live.js";
 import { showSystem } from "./mathematics.js";
 import { impossible, placed } from "./numbers.js";
@@ -16,8 +17,11 @@ import { drawOverlay } from "./overlay.js";
 import { Parts } from "./parts.js";
 import { Picture } from "./picture.js";
 import { Plane } from "./plane.js";
+import { Prepared } from "./prepared.js";
 import { nameOf } from "./report.js";
 import { Range, Sweep } from "./sweep.js";
+import { Tabs } from "./tabs.js";
+import { showAt } from "./viewer.js";
 import { Work } from "./work.js";
 
 const $ = (id) => document.getElementById(id);
@@ -55,6 +59,7 @@ const live = new Live(state, connection, {
   near: () => marked.near ?? null,
   changed: () => changed(),
   whole: () => history.colours(state.anchors),
+  caption: () => prepared.sentence,
 });
 
 async function greeted(message) {
@@ -62,7 +67,8 @@ async function greeted(message) {
   tolerances = message.tolerances;
   live.picture ??= new Picture($("image"), message.lowest);
   sweep.lowest = message.lowest;
-  choices($("system"), message.systems.map((s) => [s.name, s.title]), null);
+  systems($("system"), message.systems);
+  prepared.make(message.views);
   let asked = state.view ? { ...state } : null;
   try {
     asked ??= read(location.hash);
@@ -70,7 +76,8 @@ async function greeted(message) {
     fail(error);
   }
   names.clear();
-  if (asked && (asked.text || asked.parts || asked.name !== message.system.name)) await choose(asked, asked);
+  if (!asked && message.views.length) await prepared.show(0);
+  else if (asked && (asked.text || asked.parts || asked.name !== message.system.name)) await choose(asked, asked);
   else use(message.system, null, asked ?? {});
 }
 
@@ -98,6 +105,8 @@ function use(system, text, { view = null, anchors = [] }) {
   live.begin();
   Object.assign(state, { system, name: system.name, text, parts: system.scene?.parts ?? null });
   Object.assign(state, { view: fitting(view ?? {}, system), anchors: fittingAnchors(anchors, system) });
+  state.fit = system.fits && (!view?.cells || view.cells[0] === screenCells());
+  if (state.fit) state.view.cells = state.view.cells.map(screenCells);
   document.querySelector("main").inert = false;
   parts.make(system.scene);
   if (text) $("text").value = text;
@@ -108,7 +117,7 @@ function use(system, text, { view = null, anchors = [] }) {
   for (const id of ["news", "quality", "here"]) $(id).textContent = "\u00a0";
   $("attractors").tBodies[0].replaceChildren();
   showSystem($("mathematics"), system);
-  controls.make(system.view, system.units);
+  controls.make(system.view, system.units, system.symbols);
   sweep.make();
   plane.make();
   showView();
@@ -137,18 +146,24 @@ function changed() {
 const history = new History({
   undo: $("undo"), redo: $("redo"),
   take: () => {
-    const { name, text, parts, view } = state;
-    return structuredClone({ name, text, parts, view });
+    const { name, text, parts, view, fit } = state;
+    return structuredClone({ name, text, parts, view: { ...view, cells: fit ? null : view.cells } });
   },
   restore: ({ name, text, parts, view, anchors }) => {
     if (JSON.stringify([name, text, parts]) !== JSON.stringify([state.name, state.text, state.parts])) {
       return open({ name, text, parts }, { view, anchors });
     }
-    state.view = view;
+    state.fit = view.cells === null;
+    state.view = { ...view, cells: view.cells ?? state.view.cells.map(screenCells) };
     showView();
     return changed();
   },
 });
+
+// Returns the number of the screen's pixels along the image.
+function screenCells() {
+  return Math.max(125, Math.min(2000, Math.round($("frame").clientWidth * (window.devicePixelRatio || 1))));
+}
 
 // Shows the values of the view in all controls.
 function showView() {
@@ -156,11 +171,25 @@ function showView() {
   putControls();
   limits.make(view, system.coordinates);
   const own = (values, ...more) => [...new Set([...values, ...more])].sort((a, b) => a - b);
-  const screen = Math.min(2000, Math.round($("frame").clientWidth * (window.devicePixelRatio || 1)));
+  const screen = screenCells();
   const cells = own([125, 250, 500, 1000, 2000], view.cells[0], screen).map((n) => [n, n === screen ? `${n} (screen)` : n]);
   choices($("cells"), cells, view.cells[0]);
   choices($("nodes"), own([0, 64, 128, 256, 512], view.nodes).map((n) => [n, n ? `${n} cells` : "exact"]), view.nodes);
   choices($("tolerance"), own(tolerances, view.tolerance).map((v) => [v, v.toExponential()]), view.tolerance);
+}
+
+function laidOut() {
+  redraw();
+  sweep.draw();
+  plane.draw();
+  orbits.show();
+  clearTimeout(laidOut.later);
+  laidOut.later = setTimeout(() => {
+    if (!state.fit || state.view.cells[0] === screenCells()) return;
+    state.view.cells = state.view.cells.map(screenCells);
+    showView();
+    changed();
+  }, 200);
 }
 
 function redraw(then) {
@@ -180,6 +209,8 @@ function redraw(then) {
 
 // --- parameters, parts, panes
 
+const tabs = new Tabs($("tabs"), () => { sweep.draw(); plane.draw(); orbits.show(); });
+const prepared = new Prepared({ list: $("views"), caption: $("caption") }, (asked, shownAt) => open(asked, shownAt));
 const controls = new Controls($("parameters"), (name, value) => {
   if (name === null) state.view.phase = value;
   else state.view.params[name] = value;
@@ -203,12 +234,15 @@ function setParameters(values) {
   changed();
 }
 
-const orbits = new Orbits({ section: $("orbits"), ends: $("ends"), series: $("series") });
+const orbits = new Orbits($, state, {
+  following, redraw, opened: () => tabs.showWith($("motion")),
+  ask: (point, work = null) => (work ? live.ask(work, { type: "orbit", point }) : connection.ask({ type: "orbit", point })),
+});
 
 const plane = new Plane(state, {
   set: setParameters,
   nameOf: (number) => names.get(number) ?? `attractor ${number}`,
-  elements: { canvas: $("plane"), shown: $("stable"), row: $("stable-row"), note: $("plane-note") },
+  elements: { canvas: $("plane"), shown: $("stable"), row: $("stable-row"), note: $("plane-note"), scale: $("scale") },
 });
 
 const sweep = new Sweep(state, {
@@ -256,16 +290,19 @@ const gestures = new Gestures($("image"), {
     Object.assign(state.view, { lower, upper });
     changed();
   },
-  clicked: (place) => follow(place),
+  clicked: (place) => orbits.follow(coordinatesAt(place)),
+  held: (place) => (state.view ? orbits.held(place, $("frame").getBoundingClientRect()) : null),
+  pulled: (orbit, place) => orbits.pull(orbit, coordinatesAt(place)),
   pointed: (place, box = null, keyboard = false) => {
     const at = place && coordinatesAt(place);
     marked = { cross: keyboard ? place : null, box, near: at };
     const number = place && live.picture?.numberAt(...place);
     for (const row of $("attractors").tBodies[0].rows) row.classList.toggle("lit", Number(row.dataset.identity) === number);
     const { axes, lower, upper } = state.view;
-    const where = at?.map((v, k) => `${state.system.coordinates[axes[k]].name} = ${placed(v, lower[k], upper[k])}`);
-    $("here").textContent = number === null || number === undefined || !live.picture.frame
-      ? "\u00a0" : `${where.join(", ")}: ${nameOf(number, live.picture.frame, live.codes)}`;
+    const where = at?.map((v, k) => `${state.system.coordinates[axes[k]].symbol} = ${placed(v, lower[k], upper[k])}`);
+    const name = number === null || number === undefined || !live.picture.frame ? null : nameOf(number, live.picture.frame, live.codes);
+    $("here").textContent = name === null ? "\u00a0" : `${where.join(", ")}: ${name}`;
+    showAt($("pointer"), lecture.on && !box ? name : null, place ?? []);
     redraw();
   },
 });
@@ -279,34 +316,10 @@ function coordinatesAt(place) {
   return lower.map((a, k) => a + place[k] * (upper[k] - a));
 }
 
-async function follow(place) {
-  const begun = {};
-  follow.last = begun;
-  following.begin("following the orbit");
-  let told = null;
-  try {
-    orbits.add(await live.ask(following, { type: "orbit", point: coordinatesAt(place) }), state.system.coordinates);
-    redraw();
-  } catch (error) {
-    told = error;
-  }
-  if (follow.last === begun) following.end(told);
-}
-
-// A row of the table lights its basin, and a place of the image the row of its attractor.
-function light(identity) {
-  if (!live.picture || Object.is(live.picture.lit, identity)) return;
-  live.picture.lit = identity;
-  live.picture.repaint();
-  redraw();
-}
-$("attractors").addEventListener("pointerover", (event) => light(Number(event.target.closest("tr[data-identity]")?.dataset.identity ?? NaN)));
-$("attractors").addEventListener("pointerleave", () => light(NaN));
-
 // --- buttons
 
 const { offer } = actions({
-  $, state, live, gestures, sweep, plane, orbits, shown, redraw, open,
+  $, state, live, gestures, sweep, plane, orbits, shown, redraw, open, tabs,
   reset: () => {
     const { params, phase } = state.system.view;
     Object.assign(state.view, { params: { ...params }, phase });
@@ -319,14 +332,16 @@ for (const key of ["nodes", "tolerance", "cells"]) {
   $(key).addEventListener("change", () => {
     const value = Number($(key).value);
     state.view[key] = key === "cells" ? state.view.cells.map(() => value) : value;
+    if (key === "cells") state.fit = value === screenCells();
     changed();
   });
 }
 $("hatched").addEventListener("change", () => { live.picture.hatched = $("hatched").checked; live.picture.repaint(); redraw(); });
-$("system").addEventListener("change", () => open({ name: $("system").value }));
+$("system").addEventListener("change", () => { prepared.leave(); open({ name: $("system").value }); });
 new Equations({ form: $("equations"), text: $("text"), mistake: $("mistake"), file: $("file") }, (text) => choose({ text }));
 
-addEventListener("resize", () => { redraw(); sweep.draw(); plane.draw(); });
+const lecture = new Lecture($("lecture"), { prepared, controls, changed: laidOut });
+addEventListener("resize", laidOut);
 addEventListener("hashchange", () => {
   try {
     const asked = read(location.hash);

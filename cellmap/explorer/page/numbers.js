@@ -62,9 +62,9 @@ export function ticks(lower, upper, count) {
 }
 
 // Returns the name of a coordinate at an axis between two limits, less their origin, with its unit.
-export function axisName({ name, unit }, lower, upper) {
+export function axisName({ name, symbol = name, unit }, lower, upper) {
   const from = origin(lower, upper);
-  const difference = from ? `${name} ${from < 0 ? "+" : "−"} ${Math.abs(from)}` : name;
+  const difference = from ? `${symbol} ${from < 0 ? "+" : "−"} ${Math.abs(from)}` : symbol;
   return unit ? `${difference} (${unit})` : difference;
 }
 

@@ -1,5 +1,6 @@
 // What lies above the image: axes, attractors, orbits, the cross of the keyboard and the box that is being dragged.
 
+import { around, chart } from "./chart.js";
 import { css } from "./colours.js";
 import { axisName, ticks } from "./numbers.js";
 
@@ -18,17 +19,24 @@ export function fresh(canvas) {
   return { context, width, height };
 }
 
+// Returns where a state is in the window of a view, as fractions; angles in the period that begins with it.
+export function placeIn(state, view, coordinates) {
+  const share = (k) => {
+    const j = view.axes[k];
+    const { period } = coordinates[j];
+    const turns = period ? Math.floor((state[j] - view.lower[k]) / period) : 0;
+    return (state[j] - turns * (period ?? 0) - view.lower[k]) / (view.upper[k] - view.lower[k]);
+  };
+  return [share(0), view.axes.length < 2 ? 0.5 : share(1)];
+}
+
 export function drawOverlay(canvas, { view, coordinates, attractors, orbits, saddles, cross, box, open }) {
   const { context, width, height } = fresh(canvas);
   const along = (k, v) => (v - view.lower[k]) / (view.upper[k] - view.lower[k]);
-  const flat = view.axes.length < 2;
-  // Angles are drawn where they lie in the window, or in the period that begins with it.
-  const share = (state, k) => {
-    const { period } = coordinates[view.axes[k]];
-    const turns = period ? Math.floor((state[view.axes[k]] - view.lower[k]) / period) : 0;
-    return along(k, state[view.axes[k]] - turns * (period ?? 0));
+  const at = (state) => {
+    const [x, y] = placeIn(state, view, coordinates);
+    return [x * width, (1 - y) * height];
   };
-  const at = (state) => [share(state, 0) * width, flat ? height / 2 : (1 - share(state, 1)) * height];
   const disc = (x, y, radius, fill) => {
     context.beginPath();
     context.arc(x, y, radius, 0, 2 * Math.PI);
@@ -78,26 +86,30 @@ export function drawOverlay(canvas, { view, coordinates, attractors, orbits, sad
   }
 }
 
-// Draws the stable manifolds of saddles as curves, and the saddles as crosses.
-function drawSaddles(context, { saddles, points }, at, width, height) {
-  context.beginPath();
-  let before = null;
-  for (let k = 0; k < points.length; k += 2) {
-    const [x, y] = at([points[k], points[k + 1]]);
-    const near = before && Math.abs(x - before[0]) < width / 2 && Math.abs(y - before[1]) < height / 2;
-    if (near) context.lineTo(x, y);
-    else if (Number.isFinite(x)) context.moveTo(x, y);
-    before = Number.isFinite(x) ? [x, y] : null;
+// Draws the manifolds of saddles as curves, stable ones black and unstable ones white, and the saddles as crosses.
+function drawSaddles(context, { saddles, lengths, points }, at, width, height) {
+  const strokes = (...styles) => styles.forEach(([size, style]) => {
+    Object.assign(context, { lineWidth: size, strokeStyle: style });
+    context.stroke();
+  });
+  const stable = 2 * lengths.stable.reduce((a, b) => a + b, 0);
+  const curves = [[0, stable, "#fffc", "#000"], [stable, points.length, "#000c", "#fff"]];
+  for (const [begin, end, back, front] of curves) {
+    context.beginPath();
+    let before = null;
+    for (let k = begin; k < end; k += 2) {
+      const [x, y] = at([points[k], points[k + 1]]);
+      const near = before && Math.abs(x - before[0]) < width / 2 && Math.abs(y - before[1]) < height / 2;
+      if (near) context.lineTo(x, y);
+      else if (Number.isFinite(x)) context.moveTo(x, y);
+      before = Number.isFinite(x) ? [x, y] : null;
+    }
+    strokes([2.8, back], [1.3, front]);
   }
   const cross = (x, y) => {
     context.moveTo(x - 5, y - 5); context.lineTo(x + 5, y + 5);
     context.moveTo(x - 5, y + 5); context.lineTo(x + 5, y - 5);
   };
-  const strokes = (...styles) => styles.forEach(([width, style]) => {
-    Object.assign(context, { lineWidth: width, strokeStyle: style });
-    context.stroke();
-  });
-  strokes([2.4, "#fffc"], [1.2, "#000"]);
   context.beginPath();
   for (const saddle of saddles) for (const state of saddle.points) cross(...at(state));
   strokes([5, "#fff"], [2.5, "#c00"]);
@@ -136,61 +148,58 @@ export function apart(labels, size, from, to, gap = 6) {
 }
 
 function drawAxes(context, width, height, view, coordinates, along) {
-  context.font = "11px system-ui, sans-serif";
+  const size = parseFloat(getComputedStyle(context.canvas).fontSize);
+  context.font = `${size}px system-ui, sans-serif`;
   const label = (text, x, y) => {
-    context.lineWidth = 3;
-    context.strokeStyle = "#fffc";
+    context.lineWidth = 0.3 * size;
+    context.lineJoin = "round";
+    context.strokeStyle = "#fffd";
     context.strokeText(text, x, y);
     context.fillStyle = "#000";
     context.fillText(text, x, y);
   };
-  const sized = (text) => context.measureText(text).width;
+  const measured = (text) => context.measureText(text).width;
   const [across, up] = view.axes.map((j, k) => axisName(coordinates[j], view.lower[k], view.upper[k]));
-  const marks = ticks(view.lower[0], view.upper[0], Math.max(3, width / 90)).map(({ at, text }) => ({ place: along(0, at) * width, text }));
+  const marks = ticks(view.lower[0], view.upper[0], Math.max(3, width / (8 * size))).map(({ at, text }) => ({ place: along(0, at) * width, text }));
   context.fillStyle = "#000";
   for (const { place } of marks) context.fillRect(place, height - 5, 1, 5);
   context.textAlign = "center";
-  for (const { place, text } of apart(marks, sized, 12, width - sized(across) - 12)) label(text, place, height - 8);
+  for (const { place, text } of apart(marks, measured, 12, width - measured(across) - 12)) label(text, place, height - 8);
   context.textAlign = "right";
-  label(across, width - 4, height - 8);
+  label(across, width - 5, height - 8);
   context.textAlign = "left";
   if (view.axes.length < 2) return;
-  const rows = ticks(view.lower[1], view.upper[1], Math.max(3, height / 70)).map(({ at, text }) => ({ place: (1 - along(1, at)) * height, text }));
+  const rows = ticks(view.lower[1], view.upper[1], Math.max(3, height / (6 * size))).map(({ at, text }) => ({ place: (1 - along(1, at)) * height, text }));
   context.fillStyle = "#000";
   for (const { place } of rows) context.fillRect(0, place, 5, 1);
-  for (const { place, text } of apart(rows.reverse(), () => 12, 22, height - 22, 2)) label(text, 8, place + 4);
-  label(up, 6, 14);
+  for (const { place, text } of apart(rows.reverse(), () => size, 2 * size, height - 2 * size, 2)) label(text, 8, place + 0.35 * size);
+  label(up, 6, 1.2 * size);
 }
 
 // Draws each coordinate of the orbits over time, in periods.
 export function drawSeries(canvas, orbits, coordinates) {
-  canvas.style.height = `${90 * coordinates.length + 20}px`;
-  const { context, width, height } = fresh(canvas);
+  canvas.style.height = `${coordinates.length > 2 ? 80 * coordinates.length + 50 : 250}px`;
+  const { height } = fresh(canvas);
   const style = getComputedStyle(canvas);
   const lines = orbits.map((o) => (o.motion ?? { times: o.strobe.map((_, n) => n), states: o.strobe }));
-  const last = Math.max(1, ...lines.map((o) => o.times.at(-1)));
-  context.font = "11px system-ui, sans-serif";
-  const row = (height - 20) / coordinates.length;
+  const time = { lower: 0, upper: Math.max(1, ...lines.map((o) => o.times.at(-1))), symbol: "time", unit: "periods" };
+  const names = 2.4 * parseFloat(style.fontSize);
+  const row = (height - names) / coordinates.length;
   coordinates.forEach((c, j) => {
-    const values = lines.flatMap((o) => o.states.map((s) => s[j])).filter((v) => v !== null);
-    const [low, high] = [values.reduce((a, b) => Math.min(a, b), Infinity), values.reduce((a, b) => Math.max(a, b), -Infinity)];
-    const y = (v) => row * j + 4 + (row - 8) * (1 - (v - low) / (high - low || 1));
+    const last = j === coordinates.length - 1;
+    const place = { top: row * j || 1e-9, bottom: row * (j + 1) + (last ? names : 0), bare: !last };
+    const { context, across, up } = chart(canvas, time, { ...around(lines.flatMap((o) => o.states.map((s) => s[j] ?? NaN))), ...c }, place);
     lines.forEach((o, k) => {
       context.beginPath();
       o.states.forEach((s, n) => {
         const jump = n && c.period && Math.abs(s[j] - o.states[n - 1][j]) > c.period / 2;
         if (s[j] === null) return;
-        if (n && !jump) context.lineTo((o.times[n] / last) * width, y(s[j]));
-        else context.moveTo((o.times[n] / last) * width, y(s[j]));
+        if (n && !jump) context.lineTo(across(o.times[n]), up(s[j]));
+        else context.moveTo(across(o.times[n]), up(s[j]));
       });
       context.strokeStyle = style.getPropertyValue(k ? "--other" : "--one");
+      context.lineWidth = 1.3;
       context.stroke();
     });
-    context.fillStyle = style.color;
-    context.fillText(c.unit ? `${c.name} (${c.unit})` : c.name, 4, row * j + 12);
   });
-  context.fillStyle = style.color;
-  for (const { at, text } of ticks(0, last, 8)) context.fillText(text, Math.min(width - 20, (at / last) * width), height - 6);
-  context.textAlign = "right";
-  context.fillText("periods", width - 4, height - 18);
 }

@@ -1,12 +1,17 @@
 // The second pane over two parameters: where attractors are stable, the boundaries, and the present values.
 
-import { colourOf, css } from "./colours.js";
+import { chart } from "./chart.js";
+import { colourOf } from "./colours.js";
 import { choices } from "./controls.js";
-import { axisName, ticks } from "./numbers.js";
-import { fresh } from "./overlay.js";
 
-const [LEFT, BOTTOM] = [52, 34];
 const DASHES = { PLUS_ONE: [], MINUS_ONE: [6, 4], NEIMARK_SACKER: [2, 3] };
+
+const PALE = 0.25; // of its colour is left where an orbit is unstable
+
+const mixed = (number, part) => {
+  const back = getComputedStyle(document.body).backgroundColor.match(/\d+/g).map(Number);
+  return colourOf(number).map((c, k) => Math.round(part * c + (1 - part) * back[k]));
+};
 
 export class Plane {
   // `state` has the system and the view; `set(values)` changes parameters; `nameOf(identity)`.
@@ -14,13 +19,7 @@ export class Plane {
     Object.assign(this, { state, set, nameOf }, elements);
     this.found = null;
     this.shown.addEventListener("change", () => this.draw());
-    this.canvas.addEventListener("click", (event) => {
-      const box = this.canvas.getBoundingClientRect();
-      this.choose([
-        (event.clientX - box.left - LEFT) / (box.width - LEFT),
-        1 - (event.clientY - box.top) / (box.height - BOTTOM),
-      ]);
-    });
+    this.canvas.addEventListener("click", (event) => this.choose(this.chart.fraction(event)));
     this.canvas.addEventListener("keydown", (event) => {
       const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
       if (!by || !this.found) return;
@@ -60,22 +59,36 @@ export class Plane {
   colour(place) {
     const { identities, unstable, x, y } = this.found;
     const size = x.length * y.length;
-    const back = getComputedStyle(document.body).backgroundColor.match(/\d+/g).map(Number);
-    const mixed = (rgb, part) => rgb.map((c, k) => Math.round(part * c + (1 - part) * back[k]));
     if (this.shown.value === "") {
       const stable = identities.filter((_, k) => unstable[k * size + place] === 0).length;
-      return mixed(colourOf(0), stable / identities.length);
+      return mixed(0, stable / identities.length);
     }
     const number = Number(this.shown.value);
     const count = unstable[identities.indexOf(number) * size + place];
-    return mixed(colourOf(number), count < 0 ? 0 : count ? 0.25 : 1);
+    return mixed(number, count < 0 ? 0 : count ? PALE : 1);
+  }
+
+  // Says what the colours and lines mean.
+  explain() {
+    const { identities } = this.found;
+    const number = Number(this.shown.value);
+    const steps = this.shown.value === ""
+      ? Array.from({ length: identities.length + 1 }, (_, k) => [`${k} stable`, mixed(0, k / identities.length)])
+      : [["stable", mixed(number, 1)], ["unstable", mixed(number, PALE)], ["no orbit", mixed(number, 0)]];
+    this.scale.replaceChildren(...steps.flatMap(([text, colour]) => {
+      const mark = Object.assign(document.createElement("span"), { className: "swatch" });
+      mark.style.background = `rgb(${colour.join(" ")})`;
+      return [mark, ` ${text}`];
+    }));
   }
 
   draw() {
-    if (!this.found || this.canvas.hidden) return;
-    const { context, width, height } = fresh(this.canvas);
+    if (!this.found || !this.canvas.offsetParent) return;
     const { x, y, parameters, curves, params } = this.found;
-    const [wide, high] = [width - LEFT, height - BOTTOM];
+    const { symbols, units } = this.state.system;
+    const [axis, other] = [x, y].map((values, k) => ({ lower: values[0], upper: values.at(-1), symbol: symbols[parameters[k]], unit: units[parameters[k]] }));
+    this.chart = chart(this.canvas, axis, other);
+    const { context, across, up, inside, color } = this.chart;
     const buffer = Object.assign(document.createElement("canvas"), { width: x.length, height: y.length });
     const image = buffer.getContext("2d").createImageData(x.length, y.length);
     for (let place = 0; place < x.length * y.length; place++) {
@@ -84,10 +97,7 @@ export class Plane {
     }
     buffer.getContext("2d").putImageData(image, 0, 0);
     context.imageSmoothingEnabled = false;
-    context.drawImage(buffer, LEFT, 0, wide, high);
-    const { color } = getComputedStyle(this.canvas);
-    const across = (v) => LEFT + (wide * (v - x[0])) / (x.at(-1) - x[0]);
-    const up = (v) => high * (1 - (v - y[0]) / (y.at(-1) - y[0]));
+    context.drawImage(buffer, inside.left, inside.top, inside.right - inside.left, inside.bottom - inside.top);
     for (const curve of curves) {
       if (this.shown.value !== "" && Number(this.shown.value) !== curve.identity) continue;
       context.beginPath();
@@ -97,13 +107,6 @@ export class Plane {
       context.stroke();
       context.setLineDash([]);
     }
-    Object.assign(context, { fillStyle: color, font: "11px system-ui, sans-serif", textAlign: "center" });
-    for (const { at, text } of ticks(x[0], x.at(-1), 5)) context.fillText(text, across(at), high + 14);
-    context.fillText(axisName({ name: parameters[0] }, x[0], x.at(-1)), LEFT + wide / 2, height - 5);
-    context.textAlign = "right";
-    for (const { at, text } of ticks(y[0], y.at(-1), 5)) if (up(at) > 18) context.fillText(text, LEFT - 4, up(at) + 4);
-    context.textAlign = "left";
-    context.fillText(axisName({ name: parameters[1] }, y[0], y.at(-1)), 2, 11);
     const now = parameters.map((name) => this.state.view.params[name]);
     context.beginPath();
     context.arc(across(now[0]), up(now[1]), 6, 0, 2 * Math.PI);
@@ -112,7 +115,8 @@ export class Plane {
       context.stroke();
     }
     const others = Object.entries(params).some(([name, v]) => !parameters.includes(name) && v !== this.state.view.params[name]);
-    this.note.textContent = others ? "Other parameters have changed since: compute the map again." : "";
+    this.explain();
+    this.note.textContent = `Multipliers on the lines: +1 full, −1 dashed, a complex pair (Neimark–Sacker) dotted.${others ? " Other parameters have changed since: compute the map again." : ""}`;
     this.canvas.setAttribute("aria-label", `Stability map, now ${parameters.map((name, k) => `${name} = ${now[k]}`).join(", ")}: `
       + "a click, or the arrow keys, set both parameters");
   }

@@ -1,8 +1,8 @@
 // What is said of an image: the table of attractors, news, accuracy, and where orbits end.
 
+import { around, chart, line } from "./chart.js";
 import { css } from "./colours.js";
 import { percent, small } from "./numbers.js";
-import { fresh } from "./overlay.js";
 
 // What names of labels mean, and what helps, where many initial conditions have them.
 const MEANINGS = {
@@ -18,6 +18,7 @@ const MANY = 0.01;
 function cells(identity, ...parts) {
   const row = document.createElement("tr");
   row.dataset.identity = identity;
+  row.tabIndex = 0;
   for (const part of parts) {
     const cell = document.createElement("td");
     cell.append(part);
@@ -63,13 +64,13 @@ export function accuracy(quality, frame) {
   const parts = [];
   if (quality.map === "interpolated") {
     parts.push(`Interpolated map, ${quality.nodes} cells along each axis`);
-    parts.push(`error of one period: median ${small(quality.error.median)}, largest ${small(quality.error.largest)}`);
-    parts.push(`fallback cells ${percent(quality.fallback)}${quality.fallback > 0.5 ? " (take more cells, or the exact map)" : ""}`);
+    parts.push(`error of a period ${small(quality.error.median)}, at most ${small(quality.error.largest)}`);
+    if (quality.fallback) parts.push(`fallback cells ${percent(quality.fallback)}${quality.fallback > 0.5 ? " (take more cells, or the exact map)" : ""}`);
   } else {
     parts.push("Exact map");
   }
   if (quality.map !== "discrete") parts.push(`tolerance ${small(quality.tolerance)}`);
-  parts.push(`undecided ${percent(frame.others.undecided ?? 0)}`);
+  parts.push(`undecided ${frame.others.undecided ? percent(frame.others.undecided) : "0 %"}`);
   const reasons = Object.entries(frame.undecided).map(([why, n]) => `${why} (${n})`);
   if (reasons.length) parts.push(reasons.join(", "));
   if (frame.inaccurate) parts.push(`${frame.inaccurate} initial conditions missed the tolerance`);
@@ -114,7 +115,7 @@ export function certified(c) {
 export function showSaddles(list, { saddles, lengths }) {
   const place = (p) => p.map((v) => (Math.abs(v) < 1e-12 ? 0 : Number(v.toPrecision(5)))).join(", ");
   const lines = saddles.map((s, k) => `${s.kind}, period ${s.period}, at (${place(s.points[0])}), |multipliers| `
-    + `${s.multipliers.map(small).join(", ")}${lengths[k] ? "" : ": its manifold is left out, for want of time"}`);
+    + `${s.multipliers.map(small).join(", ")}${lengths.stable[k] && lengths.unstable[k] ? "" : ": a manifold is left out, for want of time"}`);
   if (!saddles.length) lines.push("There is no saddle with a point in the window.");
   list.replaceChildren(...lines.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
 }
@@ -131,19 +132,11 @@ export function showMeasures(list, measures) {
   list.querySelectorAll("canvas").forEach((canvas, k) => drawFit(canvas, fits[k]));
 }
 
-function drawFit(canvas, { x, y, window: [first, last], slope, intercept }) {
-  const { context, width, height } = fresh(canvas);
-  const shown = x.map((v, k) => [v, y[k]]).filter((p) => p.every((v) => v !== null));
-  const scale = (k, size) => {
-    const values = shown.map((p) => p[k]);
-    const [low, high] = [Math.min(...values), Math.max(...values)];
-    return (v) => 6 + ((size - 12) * (v - low)) / (high - low || 1);
-  };
-  const [across, up] = [scale(0, width), scale(1, height)];
+function drawFit(canvas, { x, y, labels, window: [first, last], slope, intercept }) {
+  const finite = (values) => around(values.map((v) => v ?? NaN), 0.06);
+  const { context, across, up } = chart(canvas, { ...finite(x), symbol: labels[0] }, { ...finite(y), symbol: labels[1] });
   context.fillStyle = css(0);
-  for (const [v, w] of shown) context.fillRect(across(v) - 2, height - up(w) - 2, 4, 4);
-  context.beginPath();
-  for (const v of [x[first], x[last]]) context.lineTo(across(v), height - up(intercept + slope * v));
-  context.strokeStyle = css(5);
-  context.stroke();
+  x.forEach((v, k) => { if (v !== null && y[k] !== null) context.fillRect(across(v) - 2, up(y[k]) - 2, 4, 4); });
+  Object.assign(context, { strokeStyle: css(5), lineWidth: 1.5 });
+  line(context, ...[x[first], x[last]].map((v) => [across(v), up(intercept + slope * v)]));
 }

@@ -1,11 +1,8 @@
 // The second pane: attractors along a parameter, the present value, and films of the basins on the way.
 
+import { around, chart } from "./chart.js";
 import { colourOf, css } from "./colours.js";
 import { choices } from "./controls.js";
-import { axisName, ticks } from "./numbers.js";
-import { fresh } from "./overlay.js";
-
-const MARGIN = 22;
 
 // Fields for a parameter and its range.
 export class Range {
@@ -14,10 +11,10 @@ export class Range {
     this.parameter.addEventListener("change", () => this.around());
   }
 
-  make(params, k) {
+  make(params, k, symbols = {}) {
     this.params = params;
     const names = Object.keys(params);
-    choices(this.parameter, names.map((name) => [name, name]), names[Math.min(k, names.length - 1)]);
+    choices(this.parameter, names.map((name) => [name, symbols[name] ?? name]), names[Math.min(k, names.length - 1)]);
     this.around();
   }
 
@@ -39,14 +36,11 @@ export class Sweep {
     Object.assign(this, { state, set }, elements);
     this.found = null;
     this.stopped = null; // a film that is not complete
-    for (const element of [this.first.parameter, this.first.lower, this.first.upper, this.stills]) {
+    for (const element of [this.first.parameter, this.first.lower, this.first.upper, this.stills, this.format]) {
       element.addEventListener("input", () => this.named());
     }
     this.coordinate.addEventListener("change", () => this.draw());
-    this.canvas.addEventListener("click", (event) => {
-      const box = this.canvas.getBoundingClientRect();
-      this.choose((event.clientX - box.left) / box.width);
-    });
+    this.canvas.addEventListener("click", (event) => this.choose(this.chart.fraction(event)[0]));
     this.canvas.addEventListener("keydown", (event) => {
       const by = { ArrowLeft: -0.01, ArrowRight: 0.01 }[event.key];
       if (!by || !this.found) return;
@@ -59,9 +53,10 @@ export class Sweep {
   make() {
     this.found = this.stopped = null;
     this.canvas.hidden = true;
-    this.first.make(this.state.view.params, 0);
-    this.second.make(this.state.view.params, 1);
-    choices(this.coordinate, this.state.system.coordinates.map((c, j) => [j, c.name]), 0);
+    const { coordinates, symbols } = this.state.system;
+    this.first.make(this.state.view.params, 0, symbols);
+    this.second.make(this.state.view.params, 1, symbols);
+    choices(this.coordinate, coordinates.map((c, j) => [j, c.symbol]), 0);
   }
 
   async diagram(ask) {
@@ -77,7 +72,7 @@ export class Sweep {
     const palette = Array.from({ length: 64 }, (_, k) => colourOf(k + this.lowest));
     const asked = this.filmed(view);
     try {
-      const file = await ask({ type: "film", ...JSON.parse(asked), format: this.format.value, palette });
+      const file = await ask({ type: "film", ...JSON.parse(asked), palette });
       this.stopped = null;
       return file;
     } catch (error) {
@@ -90,9 +85,12 @@ export class Sweep {
 
   // Returns what a film consists of, as text: all but the present value of its parameter.
   filmed(view) {
-    const range = this.first.asked();
+    const [range, second] = [this.first.asked(), this.second.asked()];
     const params = { ...view.params, [range.parameter]: range.lower };
-    return JSON.stringify({ ...range, stills: Number(this.stills.value), view: { ...view, params } });
+    const plane = this.format.value === "plane";
+    if (plane) params[second.parameter] = second.lower;
+    const over = plane ? { across: second, format: "html" } : { format: this.format.value };
+    return JSON.stringify({ ...range, ...over, stills: Number(this.stills.value), view: { ...view, params } });
   }
 
   // Says on the button whether a film begins or goes on.
@@ -115,39 +113,29 @@ export class Sweep {
   }
 
   draw() {
-    if (!this.found || this.canvas.hidden) return;
-    const { context, width, height } = fresh(this.canvas);
+    if (!this.found || !this.canvas.offsetParent) return;
     const { shape: [branches, count, periods, dimension], values, points, identities, parameter, params } = this.found;
+    const { system, view } = this.state;
     const j = Number(this.coordinate.value);
-    let [low, high] = [Infinity, -Infinity];
-    for (let i = j; i < points.length; i += dimension) {
-      if (points[i] < low) low = points[i];
-      if (points[i] > high) high = points[i];
-    }
-    const span = high - low || 1;
-    const y = (v) => (height - MARGIN) * (0.97 - 0.94 * ((v - low) / span));
+    const shown = points.filter((_, i) => i % dimension === j);
+    const along = { lower: values[0], upper: values.at(-1), symbol: system.symbols[parameter], unit: system.units[parameter] };
+    this.chart = chart(this.canvas, along, { ...around(shown), ...system.coordinates[j] });
+    const { context, across, up, inside, color } = this.chart;
     for (let b = 0; b < branches; b++) {
       context.fillStyle = css(identities[b]);
       for (let n = 0; n < count; n++) {
-        const x = this.place(values[n]) * width;
+        const x = across(values[n]);
         for (let m = 0; m < periods; m++) {
-          const v = points[((b * count + n) * periods + m) * dimension + j];
-          if (Number.isFinite(v)) context.fillRect(x, y(v), 1.5, 1.5);
+          const v = shown[(b * count + n) * periods + m];
+          if (Number.isFinite(v)) context.fillRect(x, up(v), 1.5, 1.5);
         }
       }
     }
-    const { color } = getComputedStyle(this.canvas);
-    const now = this.state.view.params[parameter];
     context.fillStyle = color;
-    context.fillRect(this.place(now) * width, 0, 1, height - MARGIN);
-    context.font = "11px system-ui, sans-serif";
-    context.textAlign = "center";
-    for (const { at, text } of ticks(values[0], values.at(-1), 5)) context.fillText(text, this.place(at) * width, height - 8);
+    context.fillRect(across(view.params[parameter]), inside.top, 1, inside.bottom - inside.top);
+    const others = Object.entries(params).some(([name, v]) => name !== parameter && v !== view.params[name]);
     context.textAlign = "right";
-    context.fillText(axisName({ name: parameter }, values[0], values.at(-1)), width - 4, height - MARGIN - 4);
-    context.textAlign = "left";
-    const others = Object.entries(params).some(([name, v]) => name !== parameter && v !== this.state.view.params[name]);
-    context.fillText(this.state.system.coordinates[j].name + (others ? "  (other parameters have changed)" : ""), 4, 12);
-    Object.entries({ now, min: values[0], max: values.at(-1) }).forEach(([key, v]) => this.canvas.setAttribute(`aria-value${key}`, v));
+    if (others) context.fillText("other parameters have changed", inside.right, inside.top - 5);
+    Object.entries({ now: view.params[parameter], min: values[0], max: values.at(-1) }).forEach(([key, v]) => this.canvas.setAttribute(`aria-value${key}`, v));
   }
 }

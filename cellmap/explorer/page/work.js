@@ -24,7 +24,8 @@ export class Work {
   // Returns the work that a button begins, which is shown below the row of the button.
   static of(button) {
     const place = document.createElement("div");
-    (button.closest(".row, .parameter, label") ?? button).after(place);
+    if (button.closest("#tools")) button.after(place);
+    else (button.closest("header")?.querySelector("#opening") ?? button.closest(".row, .parameter, label") ?? button).after(place);
     return new Work(place, button);
   }
 

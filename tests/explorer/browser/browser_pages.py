@@ -138,11 +138,30 @@ def assert_shown(page: Page, basins: Any) -> None:
     assert np.array_equal(pixels(page), drawn(page, basins))
 
 
+REVEAL = """(element) => {
+  const panel = element.closest("[role=tabpanel]");
+  if (panel?.hidden) document.getElementById(panel.getAttribute("aria-labelledby")).click();
+}"""
+
+
+def press(page: Page, button: str) -> None:
+    """Press a button, in its tab."""
+    page.eval_on_selector(button, REVEAL)
+    page.click(button)
+
+
+def choose(page: Page, select: str, value: str) -> None:
+    """Choose in a list, in its tab."""
+    page.eval_on_selector(select, REVEAL)
+    page.select_option(select, value)
+
+
 def put(page: Page, label: str, value: float) -> Callable[[], None]:
-    """Return what types a number into a field."""
+    """Return what types a number into a field, in its tab."""
 
     def act() -> None:
         field = page.get_by_label(label, exact=True)
+        field.evaluate(REVEAL)
         field.fill(str(value))
         field.press("Enter")
 

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from browser_pages import WELLS, WINDOW, after, assert_shown, drawn, pixels, put, until
+from browser_pages import WELLS, WINDOW, after, assert_shown, choose, drawn, pixels, press, put, until
 from matplotlib.image import imread
 from PIL import Image
 from playwright.sync_api import Page
@@ -60,7 +60,7 @@ def test_an_attractor_that_goes_is_announced(page: Page) -> None:
     page.click("#type")
     page.fill("#text", text)
     after(page, lambda: page.click("#equations button"))
-    assert page.inner_text("#news").count("fixed point") == 2
+    assert page.inner_text("#attractors").count("fixed point") == 2
     colours = set(map(tuple, np.unique(pixels(page).reshape(-1, 3), axis=0).tolist()))
     after(page, put(page, "h", 0.5))
     assert page.inner_text("#news").startswith("Gone: fixed point (-0.9")
@@ -87,22 +87,22 @@ def test_saddles_are_drawn_until_the_image_changes(page: Page) -> None:
 
 
 def test_measures_and_certificates_are_shown(page: Page) -> None:
-    page.click("#measure")
+    press(page, "#measure")
     until(page, "document.querySelectorAll('#measures li').length === 4")
     assert "basin entropy: 0." in page.inner_text("#measures li:nth-child(1)")
     after(page, lambda: page.select_option("#system", "swing"))
     assert page.inner_text("#measures") == ""
-    after(page, lambda: page.select_option("#nodes", "64"))
+    after(page, lambda: choose(page, "#nodes", "64"))
     page.wait_for_timeout(300)
-    page.click("#certify")
-    until(page, "document.getElementById('quality').textContent.startsWith('Certified')", 60.0)
+    press(page, "#certify")
+    until(page, "document.getElementById('verdict').textContent.startsWith('Certified')", 60.0)
 
 
 def test_a_click_in_the_stability_map_moves_both_parameters(page: Page) -> None:
     page.click("#type")
     page.fill("#text", "x -> x + 0.2*(a*x - x**3 + h) + 0*y\ny -> 0.5*y\na = 1.0\nh = 0.0")
     after(page, lambda: page.click("#equations button"))
-    page.click("#stability")
+    press(page, "#stability")
     until(page, "!document.getElementById('plane').hidden")
     page.select_option("#stable", index=1)
     box = page.locator("#plane").bounding_box()
@@ -150,7 +150,7 @@ def test_views_are_kept_and_saved_as_vectors(page: Page, tmp_path: Any) -> None:
     assert page.input_value("#value-keep") == "0.6"
     assert_shown(page, find_basins(WELLS, WINDOW))
     with page.expect_download() as download:
-        page.click("#svg")
+        press(page, "#svg")
     download.value.save_as(tmp_path / "basins.svg")
     root = ElementTree.parse(tmp_path / "basins.svg").getroot()
     assert len(root.findall("{*}circle")) == 2
