@@ -34,6 +34,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "function_chart",
     "mathml",
+    "live_pages",
     "page_figures",
     "plain_notebooks",
     "printed_output",

@@ -17,10 +17,9 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from cellmap.explorer.explored import explored_of, load_gallery
 from cellmap.explorer.images import Images
-from cellmap.explorer.protocol import LOWEST
 from cellmap.explorer.serving import serve
 from cellmap.explorer.view import View
-from cellmap.plot._colours import CODE_COLOURS, COLOURS
+from cellmap.plot._colours import label_colours
 
 HERE = Path(__file__).parent
 PROGRAM = os.environ.get("CELLMAP_BROWSER") or shutil.which("chromium") or shutil.which("google-chrome")
@@ -101,7 +100,6 @@ def thumbnails() -> None:
     """Draw each system of the gallery as it is shown first."""
     folder = HERE.parent / "systems" / "thumbnails"
     folder.mkdir(exist_ok=True)
-    colours = [tuple(int(c[k : k + 2], 16) for k in (1, 3, 5)) for c in COLOURS]
     for entry in load_gallery("systems.gallery"):
         explored = explored_of(entry)
         view = View.first(explored)
@@ -109,10 +107,9 @@ def thumbnails() -> None:
         *_, frame = Images(explored).frames(view)
         raster = view.raster(frame.identity_image)
         raster = np.broadcast_to(raster, (THUMBNAIL, raster.shape[1]))
-        paint = {n: colours[n % len(colours)] for n in range(raster.max() + 1)} | {
-            int(code): tuple(round(255 * part) for part in to_rgb(colour)) for code, colour in CODE_COLOURS.items()
-        }
-        pixels = np.array([paint.get(n, (0, 0, 0)) for n in range(LOWEST, raster.max() + 1)], np.uint8)[raster - LOWEST]
+        colours = label_colours(np.unique(raster).tolist())
+        pixels = np.array([to_rgb(colours[k]) for k in raster.ravel()]).reshape(*raster.shape, 3)
+        pixels = np.rint(255 * pixels).astype(np.uint8)
         Image.fromarray(pixels).quantize(64).save(folder / f"{entry.name}.png", optimize=True)
         print(entry.name, (folder / f"{entry.name}.png").stat().st_size, flush=True)
 

@@ -117,7 +117,11 @@ def serve(
     shared = Shared(host or _host_in_network(), secrets.token_urlsafe(9), most) if most else None
     listening = [_listening(HERE, whole_number("port", port, at_most=65535))]
     if shared is not None:
-        listening.append(_listening(shared.host, listening[0].getsockname()[1] if shared.host != HERE else 0))
+        try:
+            listening.append(_listening(shared.host, listening[0].getsockname()[1] if shared.host != HERE else 0))
+        except OSError:
+            listening[0].close()
+            raise
     token = secrets.token_urlsafe(24)
     config = uvicorn.Config(
         application(systems, token, prepared, shared),

@@ -69,7 +69,7 @@ class Broadcast:
             for task in (listening, sending):
                 task.cancel()
             await asyncio.gather(listening, sending, return_exceptions=True)
-            with contextlib.suppress(RuntimeError):
+            with contextlib.suppress(RuntimeError, WebSocketDisconnect):
                 await socket.close(1008)
 
     async def _send(self, socket: WebSocket) -> None:

@@ -9,7 +9,7 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from enum import Enum
 from pathlib import Path
@@ -71,20 +71,29 @@ def results(study: str) -> Path:
 
     It runs again only where its code, or that of the library, or reference values have changed.
     """
-    rooms = [ROOT / "cellmap", ROOT / "systems", ROOT / "studies" / study]
-    sources = [p for room in rooms for p in sorted(room.rglob("*.py"))]
+    sources = sorted((ROOT / "studies" / study).rglob("*.py"))
     sources += sorted(p for name in (f"{study}[._]*", "_*.py") for p in (ROOT / "studies").glob(name))
-    code = hashlib.sha256(b"".join(p.read_bytes() for p in [*sources, hard_cases.TABLE])).hexdigest()
-    kept = GENERATED / f"{study}_{code[:16]}"
-    if not kept.exists():
-        for old in GENERATED.glob(f"{study}_{'[0-9a-f]' * 16}*"):
+
+    def run(folder: Path) -> None:
+        with (folder / "printed.txt").open("w", encoding="utf-8") as printed, redirect_stdout(printed):
+            importlib.import_module(f"studies.{study}").main(quick=True, output=folder)
+
+    return kept(study, [*sources, hard_cases.TABLE], run)
+
+
+def kept(name: str, sources: Sequence[Path], make: Callable[[Path], None]) -> Path:
+    """Return the folder with what a function makes, again only where files or the library have changed."""
+    library = [p for room in ("cellmap", "systems") for p in sorted((ROOT / room).rglob("*.py"))]
+    code = hashlib.sha256(b"".join(p.read_bytes() for p in [*library, *sources])).hexdigest()
+    folder = GENERATED / f"{name}_{code[:16]}"
+    if not folder.exists():
+        for old in GENERATED.glob(f"{name}_{'[0-9a-f]' * 16}*"):
             shutil.rmtree(old)
-        unfinished = kept.with_suffix(".unfinished")
+        unfinished = folder.with_suffix(".unfinished")
         unfinished.mkdir(parents=True)
-        with (unfinished / "printed.txt").open("w", encoding="utf-8") as printed, redirect_stdout(printed):
-            importlib.import_module(f"studies.{study}").main(quick=True, output=unfinished)
-        unfinished.rename(kept)
-    return kept
+        make(unfinished)
+        unfinished.rename(folder)
+    return folder
 
 
 def hard_case_results() -> str:

@@ -106,8 +106,8 @@ def test_numbers_have_the_digits_of_the_window(page: Page) -> None:
 def test_pixels_finer_than_the_map_are_called_noise(page: Page) -> None:
     after(page, lambda: page.select_option("#system", "swing"))
     assert page.locator("#noise").is_hidden()
-    after(page, put(page, "theta from", 0.3))
-    after(page, lambda: put(page, "theta to", "0.3 + 1e-7")())  # type: ignore[arg-type]
+    after(page, put(page, "θ from", 0.3))
+    after(page, lambda: put(page, "θ to", "0.3 + 1e-7")())  # type: ignore[arg-type]
     until(page, "!document.getElementById('noise').hidden")
     assert "error of the map" in page.inner_text("#noise")
     after(page, lambda: page.click("#noise button"))
@@ -124,10 +124,11 @@ FILM_LOG = """document.addEventListener("drawn", ({ detail }) => (window.reels ?
 
 
 def test_images_of_a_film_are_named_stop_and_go_on(page: Page, tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    released, frames = threading.Event(), Images.frames
+    released, eleventh, frames = threading.Event(), threading.Event(), Images.frames
 
     def slower(self: Images, view: Any, *arguments: Any) -> Iterator[Any]:
         if view.params["keep"] > 0.6:
+            eleventh.set()
             released.wait(20.0)
         return frames(self, view, *arguments)
 
@@ -137,6 +138,7 @@ def test_images_of_a_film_are_named_stop_and_go_on(page: Page, tmp_path: Any, mo
     page.fill("#along-upper", "0.7")
     page.select_option("#stills", "20")
     page.click("#film")
+    assert eleventh.wait(20.0)
     page.locator(".work", has_text="computing the images of the film").locator(".cancel").click()
     until(page, "document.getElementById('film').textContent === 'Resume the film (10 of 20)'")
     seen = [told for told in page.evaluate("window.reels") if told]
@@ -163,12 +165,14 @@ def test_images_of_a_film_are_named_stop_and_go_on(page: Page, tmp_path: Any, mo
 
 
 def test_what_fails_is_told_beside_it_and_what_cannot_be_done_is_disabled(page: Page) -> None:
+    page.click("#tab-accuracy")
     assert page.locator("#certify").is_disabled()
     assert "the map is exact" in page.inner_text("#right")
     assert (
         page.get_attribute("#certify", "title")
         == "the map is exact, and has no interpolation errors; choose a map of cells"
     )
+    page.click("#tab-along")
     page.fill("#along-lower", "7")
     page.fill("#along-upper", "6")
     page.click("#diagram")

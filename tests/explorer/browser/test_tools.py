@@ -107,8 +107,8 @@ def test_a_click_in_the_stability_map_moves_both_parameters(page: Page) -> None:
     page.select_option("#stable", index=1)
     box = page.locator("#plane").bounding_box()
     assert box is not None
-    wide, high = box["width"] - 52, box["height"] - 34
-    after(page, lambda: page.click("#plane", position={"x": 52 + 0.75 * wide, "y": 0.25 * high}))
+    place = {"x": 55.2 + 0.75 * (box["width"] - 61.2), "y": 18 + 0.25 * (box["height"] - 56.4)}
+    after(page, lambda: page.click("#plane", position=place))
     a, h = (float(page.input_value(f"#value-{name}")) for name in "ah")
     assert (a, h) == (pytest.approx(1.25, abs=0.01), pytest.approx(0.25, abs=0.01))
     after(page, lambda: page.press("#plane", "ArrowLeft"))
@@ -121,7 +121,7 @@ def test_a_bifurcation_diagram_moves_the_parameter_and_a_film_is_made(page: Page
     until(page, "!document.getElementById('bifurcations').hidden")
     box = page.locator("#bifurcations").bounding_box()
     assert box is not None
-    after(page, lambda: page.click("#bifurcations", position={"x": 0.75 * box["width"], "y": 20}))
+    after(page, lambda: page.click("#bifurcations", position={"x": 55.2 + 0.75 * (box["width"] - 61.2), "y": 20}))
     keep = float(page.input_value("#value-keep"))
     assert keep == pytest.approx(0.3 + 0.75 * 0.6, abs=0.01)
     assert_shown(page, find_basins(WELLS.with_params(keep=keep), WINDOW))
@@ -144,7 +144,7 @@ def test_a_bifurcation_diagram_moves_the_parameter_and_a_film_is_made(page: Page
 
 
 def test_views_are_kept_and_saved_as_vectors(page: Page, tmp_path: Any) -> None:
-    page.click("#keep")
+    press(page, "#keep")
     after(page, put(page, "keep", 0.8))
     after(page, lambda: page.click("#kept button"))
     assert page.input_value("#value-keep") == "0.6"
@@ -167,7 +167,7 @@ def test_the_script_is_downloaded_and_runs(page: Page, tmp_path: Any, capsys: py
         ("#netcdf", "basins.nc"),
     ):
         with page.expect_download() as download:
-            page.click(button)
+            press(page, button)
         download.value.save_as(tmp_path / name)
     text = (tmp_path / "basins.py").read_text().replace("from browser_pages import WELLS as system", "")
     exec(text, {**names, "system": WELLS})
