@@ -46,7 +46,7 @@ def families(folder: Path) -> None:
         plane((-_TURN, -400.0), (_TURN, 400.0)),
         64,
         title="A pendulum on a shaken pivot",
-        about="Below 2.2 mm it only hangs; then it stands as well, and rotates.",
+        about="Below 2.3 mm it cannot stand; from there on it does, if it is begun in the orange basin.",
         progress=False,
     )
     export_html(
