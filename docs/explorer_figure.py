@@ -1,4 +1,4 @@
-"""Pictures of the explorer: ``python docs/explorer_figure.py [screens] [thumbnails]``, screens with Chromium."""
+"""Figures of the explorer: ``python docs/explorer_figure.py [screens] [thumbnails]``, screens with Chromium."""
 
 from __future__ import annotations
 

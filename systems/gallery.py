@@ -46,7 +46,7 @@ def _explored(
     nodes: int = 0,
     cells: int = _CELLS,
     si: bool = False,
-    picture: str = "",
+    drawn_as: str = "",
 ) -> Explored:
     """Return a factory's system with a window: the least and the largest value of each coordinate."""
     lower, upper = (tuple(limit[k] for limit in limits) for k in (0, 1))
@@ -56,7 +56,7 @@ def _explored(
     source = f"import systems\n\nsystem = systems.{name}()\n"
     pivot = _pivot if si else None
     return Explored(
-        name, make, region, nodes, source, about, units, picture=picture, pivot=pivot, thumbnail=_thumbnail(name)
+        name, make, region, nodes, source, about, units, drawn_as=drawn_as, pivot=pivot, thumbnail=_thumbnail(name)
     )
 
 
@@ -120,7 +120,7 @@ def _scene(body: str, effects: Sequence[str]) -> Explored:
         f"from systems import {', '.join(names)}\n\nsystem = scene({call})\n",
         _ABOUT_SCENES,
         _units(systems.scene(made, *acting, period=period).params),
-        picture="chain",
+        drawn_as="chain",
     )
 
 
@@ -230,7 +230,7 @@ GALLERY: tuple[Explored | ExploredScene, ...] = (
         (-2.0, 2.0),
         (-2.0, 2.0),
         cells=300,
-        picture="above",
+        drawn_as="above",
         about="A pendulum above three magnets: at which one it comes to rest depends finely on where it began.",
     ),
     _explored(
@@ -241,7 +241,7 @@ GALLERY: tuple[Explored | ExploredScene, ...] = (
         (-200.0, 200.0),
         cells=200,
         si=True,
-        picture="chain",
+        drawn_as="chain",
         about="Two pendulums, one below the other, on a shaken pivot: the image is a slice through four coordinates.",
     ),
     _explored(
@@ -250,7 +250,7 @@ GALLERY: tuple[Explored | ExploredScene, ...] = (
         *3 * [(-200.0, 200.0)],
         cells=100,
         si=True,
-        picture="chain",
+        drawn_as="chain",
         about="Three pendulums in a chain on a pivot that is shaken fast, by which they can all stand upright.",
     ),
     _explored(

@@ -120,7 +120,7 @@ def _built(source: str) -> ForcedSystem | PointMap:
 
 
 def _turns(system: ForcedSystem | PointMap, found: _Text, name: str) -> bool:
-    """Tell whether all formulas have the period 2 pi in a coordinate; images may be whole turns further on in it."""
+    """Tell whether all formulas have the period 2 pi in a coordinate; images may be full rotations further on."""
     place = list(found.states).index(name)
     states = np.random.default_rng(0).uniform(-3.0, 3.0, (16, len(found.states)))
     shifted = states.copy()

@@ -17,7 +17,6 @@ from ..maps.point_map import PointMap
 from ..maps.stroboscopic import stroboscopic_map
 from ..maps.system import ForcedSystem
 
-PICTURES = ("", "chain", "rotors", "mass", "above", "none")
 USUAL_CELLS = 500
 """Initial conditions along each axis, in whose place a page takes the pixels of its screen."""
 
@@ -54,7 +53,7 @@ class Explored:
         The scene that has put the system together.
     parts : tuple of str, optional
         Body and effects that were chosen for it.
-    picture : str, optional
+    drawn_as : str, optional
         How orbits are shown beside the plane: "chain" (pendulums, one below the other), "rotors", "mass" (on a spring)
         or "above" (a pendulum of two coordinates); "none".  By default one angle is a pendulum, several are rotors, and
         a coordinate with its velocity is a mass.
@@ -73,7 +72,7 @@ class Explored:
     units: Mapping[str, str] = field(default_factory=dict)
     scene: ExploredScene | None = None
     parts: tuple[str, ...] = ()
-    picture: str = ""
+    drawn_as: str = ""
     pivot: Callable[[float, Mapping[str, float]], tuple[float, float]] | None = None
     thumbnail: Path | None = None
 

@@ -125,7 +125,7 @@ def described(explored: Explored) -> dict[str, Any]:
             {"name": c.name, "symbol": symbol(c.name), "unit": c.unit, "period": c.period} for c in explored.coordinates
         ],
         "symbols": {name: symbol(name) for name in first.params},
-        "picture": explored.picture or _picture(explored),
+        "drawnAs": explored.drawn_as or _drawn_as(explored),
         "fits": set(first.cells) == {USUAL_CELLS},
         "window": {"lower": explored.window.lower, "upper": explored.window.upper},
         "view": {name: getattr(first, name) for name in View.__dataclass_fields__},
@@ -140,7 +140,7 @@ def listed(entry: Explored | ExploredScene) -> dict[str, Any]:
     return {"name": entry.name, "title": entry.title, "about": entry.about, "thumbnail": data}
 
 
-def _picture(explored: Explored) -> str:
+def _drawn_as(explored: Explored) -> str:
     """Return how orbits of a system are shown, where it does not say so."""
     angles = sum(c.is_angle for c in explored.coordinates)
     if not isinstance(explored.system, ForcedSystem) or len(explored.coordinates) > 2 > angles:

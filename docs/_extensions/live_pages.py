@@ -109,8 +109,8 @@ def lecture() -> str:
     parts = []
     for image, given in zip(sorted(folder.glob("*.png")), views(), strict=True):
         place = image.relative_to(GENERATED.parent).as_posix()
-        picture = f"```{{image}} {place}\n:alt: Basins of this view\n:width: 45%\n```"
-        parts += [f"## {given['title']}", given["sentence"], picture]
+        shown = f"```{{image}} {place}\n:alt: Basins of this view\n:width: 45%\n```"
+        parts += [f"## {given['title']}", given["sentence"], shown]
     return "\n\n".join(parts)
 
 

@@ -80,10 +80,10 @@ def test_a_film_that_is_stopped_goes_on(page: Page, monkeypatch: pytest.MonkeyPa
     film = {"view": {}, "parameter": "keep", "lower": 0.5, "upper": 0.7, "stills": 5, "palette": [[0, 0, 0]] * 32}
     request = page.send("film", **film)
     seen = frames_until(page, lambda facts: facts["film"]["number"] == 3 and facts["complete"])
-    values = [round(f["film"]["value"], 12) for f in seen if f["complete"]]
+    values = [round(f["film"]["values"]["keep"], 12) for f in seen if f["complete"]]
     assert values == [v for v in (0.5, 0.55, 0.6) if v in values], "a slow page is not sent all images"
     assert values[-1] == 0.6
-    assert {(f["film"]["of"], f["film"]["parameter"]) for f in seen} == {(5, "keep")}
+    assert {(f["film"]["of"], *f["film"]["values"]) for f in seen} == {(5, "keep")}
     page.send("cancel", of=request)
     answer = page.receive()
     assert (answer["request"], answer["cancelled"], answer["done"], answer["of"]) == (request, True, 3, 5)

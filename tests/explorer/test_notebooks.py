@@ -19,7 +19,8 @@ from served_pages import GALLERY, WELLS, WINDOW, assert_same_image, numbers_of, 
 
 from cellmap import find_basins
 from cellmap.explorer import explorer_widget
-from cellmap.explorer.channels import Channels, page_of_one_file
+from cellmap.explorer.channels import Channels
+from cellmap.explorer.one_file import page_of_one_file
 from cellmap.explorer.protocol import unpacked
 from cellmap.explorer.server import MOST_SESSIONS, PAGE
 

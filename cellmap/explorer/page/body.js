@@ -7,7 +7,7 @@ const PULL = 0.8; // of half the width, as far as a mass moves
 // Returns a function that draws a state on a canvas; null for systems without a picture.
 export function pictureOf(system, states) {
   const angles = system.coordinates.flatMap((c, j) => (c.period ? [j] : []));
-  const draw = { chain, rotors, mass, above }[system.picture];
+  const draw = { chain, rotors, mass, above }[system.drawnAs];
   if (!draw) return null;
   const reach = Math.max(1e-12, ...states.map((s) => Math.abs(s[0])));
   return (canvas, state, trail, pivot) => {

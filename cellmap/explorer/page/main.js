@@ -32,9 +32,7 @@ let tolerances = [];
 let marked = { cross: null, box: null };
 let drawing = false;
 
-const opening = new Work($("opening")); // a system
-const windowing = new Work($("window-note"));
-const following = new Work($("following"));
+const [opening, windowing, following] = ["opening", "window-note", "following"].map((id) => new Work($(id)));
 
 function fail(error) {
   $("failure").textContent = error?.message ?? String(error ?? "");
@@ -217,6 +215,8 @@ const controls = new Controls($("parameters"), (name, value) => {
   changed();
 });
 
+const lecture = new Lecture($("lecture"), { prepared, controls, changed: laidOut });
+
 // Parameters, window and phase stay where the parts that are exchanged leave them.
 const parts = new Parts($("parts"), (chosen) => {
   const { params, phase, axes, lower, upper, others } = state.view;
@@ -240,8 +240,7 @@ const orbits = new Orbits($, state, {
 });
 
 const plane = new Plane(state, {
-  set: setParameters,
-  nameOf: (number) => names.get(number) ?? `attractor ${number}`,
+  set: setParameters, nameOf: (number) => names.get(number) ?? `attractor ${number}`,
   elements: { canvas: $("plane"), shown: $("stable"), row: $("stable-row"), note: $("plane-note"), scale: $("scale") },
 });
 
@@ -340,7 +339,6 @@ $("hatched").addEventListener("change", () => { live.picture.hatched = $("hatche
 $("system").addEventListener("change", () => { prepared.leave(); open({ name: $("system").value }); });
 new Equations({ form: $("equations"), text: $("text"), mistake: $("mistake"), file: $("file") }, (text) => choose({ text }));
 
-const lecture = new Lecture($("lecture"), { prepared, controls, changed: laidOut });
 addEventListener("resize", laidOut);
 addEventListener("hashchange", () => {
   try {
