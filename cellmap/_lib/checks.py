@@ -115,7 +115,7 @@ def real_array(name: str, given: ArrayLike, what: str = "real numbers") -> Float
         if array.dtype.kind not in "biuf":
             raise TypeError
         array = np.array(array, dtype=np.float64, order="C")
-        if np.ma.isMaskedArray(given):
+        if "numpy.ma" in sys.modules and np.ma.isMaskedArray(given):  # which takes time to load
             array[np.ma.getmaskarray(given)] = nan
         return array
     except (TypeError, ValueError, OverflowError):

@@ -383,6 +383,7 @@ class Flow:
             atol=self.atol / margin,
             digit=margin / tolerance,
             ladder=ladder,
+            powers=ladder.astype(float) ** self.kernel.estimate_order,
             lowest=min(int(np.searchsorted(ladder, self.fewest_steps)), len(ladder) - 1),
             probe=int(np.searchsorted(ladder, PROBE)),
             highest_climb=climb,

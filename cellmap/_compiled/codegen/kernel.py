@@ -10,17 +10,15 @@ import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import log10
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..kernels import periods
 from ..machine_code import MachineCode
 from .captured import kept
 from .derivative import frame_traces, jet_trace
 from .emit import evaluate, inputs
-from .enclosures import CompiledEnclosure, discrete_enclosure
 from .expression import UntraceableError, in_order
 from .filippov import SwitchingTrace, switching_trace
-from .flow_enclosures import flow_enclosure
 from .in_memory import compiled_in_memory
 from .instructions import Instructions, Value
 from .methods import LARGE, Method, choose_method, series_work, taylor_method, taylor_order
@@ -30,6 +28,9 @@ from .runge_kutta import called_steps
 from .switching import compiled_switching
 from .trace import CONSTANT, STATEFUL, TIMED, Trace, is_faithful, parameter_record, trace
 from .untraced import Prepared, compiled_untraced, single_call
+
+if TYPE_CHECKING:
+    from .enclosures import CompiledEnclosure
 
 Names = tuple[str, ...]
 Functions = tuple[Callable[..., Any] | None, ...]
@@ -251,6 +252,8 @@ def map_enclosure(function: Callable[..., Any], dimension: int, names: Names) ->
     UntraceableError
         For functions without enclosures.
     """
+    from .enclosures import discrete_enclosure
+
     traced = traced_function(function, dimension, names)
     assert traced is not None, "the formulas are known"
     return discrete_enclosure(traced, len(names))
@@ -267,6 +270,8 @@ def period_enclosure(
     UntraceableError
         For functions without enclosures.
     """
+    from .flow_enclosures import flow_enclosure
+
     traced = traced_function(rhs, dimension, names)
     assert traced is not None, "the formulas are known"
     return flow_enclosure(traced, len(names), order, second)

@@ -61,6 +61,8 @@ class Motion(NamedTuple):
         Ratio of error to tolerance from which on an image has no right digit.
     ladder : ndarray of int64
         Numbers of steps to choose from.
+    powers : ndarray
+        These to the power of the order.
     lowest, probe, highest_climb : int
         Lowest rung; rung of PROBE steps; rungs that are climbed at once.
     order : int
@@ -91,6 +93,7 @@ class Motion(NamedTuple):
     atol: NDArray[np.float64] = NOWHERE
     digit: float = 0.0
     ladder: NDArray[np.int64] = NONE
+    powers: NDArray[np.float64] = NOWHERE
     lowest: int = 0
     probe: int = 0
     highest_climb: int = 0

@@ -24,7 +24,7 @@ def next_rungs(motion, batch, members, first):
     before, -1 for none; where the ratio falls so slowly that the last rung would not do, as it does across a kink,
     there is no next.
     """
-    taken, before, rungs, steps = batch.taken, batch.before, batch.rungs, motion.ladder
+    taken, before, rungs, steps, powers = batch.taken, batch.before, batch.rungs, motion.ladder, motion.powers
     order, lowest, climb = motion.order, motion.lowest, motion.highest_climb
     last = steps.size - 1
     for m in range(members.size):
@@ -49,11 +49,11 @@ def next_rungs(motion, batch, members, first):
                     continue
             if not first:
                 before[member, 0], before[member, 1] = ratio, steps[rung]
-            needed = (motion.safety * ratio) ** (1.0 / order) * steps[rung]
+            needed = motion.safety * ratio * powers[rung]
             high = max(low, min(rung + climb, last))
             while low < high:
                 middle = (low + high) // 2
-                if steps[middle] >= needed:
+                if powers[middle] >= needed:
                     high = middle
                 else:
                     low = middle + 1
