@@ -11,19 +11,19 @@ from stored_basins import CASES
 from cellmap import Basins, save_basins
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def files(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("whole")
     make_files(folder)
     return folder
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def made() -> dict[str, Basins]:
     return {name: make() for name, make in CASES.items()}
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def stored(made, tmp_path_factory) -> Path:
     """A file of one basin image, never changed."""
     return save_basins(made["grid"], tmp_path_factory.mktemp("stored") / "grid.h5")
