@@ -183,6 +183,21 @@ def known_parameter(argument: str, name: Any, params: Mapping[str, float]) -> st
     return name
 
 
+def parameter_intervals(given: Mapping[str, Any] | None, params: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Return intervals of parameters by name, for the functions that prove something for all of their values."""
+    if given is not None and not isinstance(given, Mapping):
+        raise TypeError(f"parameters={shown(given)}: give intervals by names, such as {{'delta': (0.1, 0.2)}}")
+    found = {}
+    for name, value in ({} if given is None else given).items():
+        known_parameter("parameters", name, params)
+        low, high = pair_of("parameters", value)
+        ends = finite_number(f"parameters[{name!r}]", low), finite_number(f"parameters[{name!r}]", high)
+        if not ends[0] <= ends[1]:
+            raise ValueError(f"parameters: {name}={value!r} is empty: give its lowest value first")
+        found[name] = ends
+    return found
+
+
 def monotone_values(name: str, given: ArrayLike) -> Floats:
     """Return values of a parameter as a new array (n,) of floats: finite, strictly increasing or decreasing."""
     values = real_array(name, given, "real numbers, one for each step")

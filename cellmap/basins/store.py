@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
@@ -64,6 +64,8 @@ SCHEMA = 2
 
 
 _ONLY = "basins"  # name of basins that are alone in their file
+
+Read = TypeVar("Read")
 
 
 @checked
@@ -120,6 +122,32 @@ def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[s
     with written_whole(as_target("path", path)) as temporary:
         write_sealed(temporary, fill)
     return path
+
+
+def save_with(basins: Basins, path: str | os.PathLike[str], write: Callable[[h5py.Group], None]) -> Path:
+    """Write basins, and beside their arrays what `write` adds, such as a proof: :func:`load_basins` reads the basins."""
+    path = as_path("path", path)
+
+    def fill(file: h5py.File) -> None:
+        group = file.create_group(_ONLY)
+        _write(group, basins)
+        write(group)
+        _describe(file)
+
+    with written_whole(as_target("path", path)) as temporary:
+        write_sealed(temporary, fill)
+    return path
+
+
+def load_with(path: str | os.PathLike[str], read: Callable[[h5py.Group, Basins], Read]) -> Read:
+    """Read what :func:`save_with` wrote."""
+    return _checked(as_path("path", path), None, lambda group: read(group, _read(group)))
+
+
+def add_array(group: h5py.Group, name: str, values: Any) -> h5py.Dataset:
+    """Store an array compressed, a scalar as it is."""
+    packed = {"compression": "gzip", "shuffle": True, "fletcher32": True} if np.ndim(values) else {}
+    return group.create_dataset(name, data=values, **packed)
 
 
 @contextmanager
@@ -224,7 +252,7 @@ def load_basins(path: str | os.PathLike[str], name: str | None = None, unverifie
     return _checked(as_path("path", path), name, _read, unverified)
 
 
-def _checked(path: Path, name: str | None, read: Callable[[h5py.Group], Basins], unverified: bool = False) -> Basins:
+def _checked(path: Path, name: str | None, read: Callable[[h5py.Group], Read], unverified: bool = False) -> Read:
     """Read basins from a file whose contents are those that were written."""
     if not path.is_file():
         raise FileNotFoundError(f"path={str(path)!r}: there is no such file")
@@ -259,12 +287,6 @@ def _checked(path: Path, name: str | None, read: Callable[[h5py.Group], Basins],
     raise KeyError(f"name={name!r}: {str(path)!r} holds {', '.join(names)}; name one of them")
 
 
-def _add_array(group: h5py.Group, name: str, values: Any) -> h5py.Dataset:
-    """Store an array compressed, a scalar as it is."""
-    packed = {"compression": "gzip", "shuffle": True, "fletcher32": True} if np.ndim(values) else {}
-    return group.create_dataset(name, data=values, **packed)
-
-
 def _write(file: h5py.Group, basins: Basins) -> None:
     put_text(file, "system", basins.name)
     put_text(file, "params", json.dumps(dict(basins.params)))
@@ -275,7 +297,7 @@ def _write(file: h5py.Group, basins: Basins) -> None:
     put_text(file, "cost", json.dumps(dataclasses.asdict(basins.cost)))
     for name in ("labels", "settling_time"):
         if name not in file:
-            _add_array(file, name, getattr(basins, name))
+            add_array(file, name, getattr(basins, name))
     put_text(file["labels"], "meaning", json.dumps(basins._meanings))
     put_text(file["settling_time"], "unit", "periods")
     if basins.grid is not None:
@@ -284,7 +306,7 @@ def _write(file: h5py.Group, basins: Basins) -> None:
             lower=basins.grid.lower, upper=basins.grid.upper, shape=basins.grid.shape, wraps=basins.grid.wraps
         )
     if basins.initial_conditions is not None:
-        _add_array(file, "starts", basins.initial_conditions)
+        add_array(file, "starts", basins.initial_conditions)
     write_attractors(file.create_group("attractors"), basins.attractors)
 
 

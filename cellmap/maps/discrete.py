@@ -95,11 +95,11 @@ class Discrete(MapSpec[PointMap]):
     @computed_once
     def _formulas(self) -> str:
         """Why the formulas of the function are not known; empty if they are."""
-        return why_untraced(_timeless(self.function), len(self.coordinates), self.params)
+        return why_untraced(timeless(self.function), len(self.coordinates), self.params)
 
     def _kernel(self, order: int, only_smooth: bool = False) -> CompiledPeriod | None:
         d, names = len(self.coordinates), tuple(self.params)
-        return discrete_kernel(_timeless(self.function), d, names, order, not self._formulas, only_smooth)
+        return discrete_kernel(timeless(self.function), d, names, order, not self._formulas, only_smooth)
 
     def make(self) -> PointMap:
         """Return the map, without its specification."""
@@ -126,7 +126,7 @@ class Discrete(MapSpec[PointMap]):
 
         @functools.cache
         def step_of_frames() -> MachineCode:
-            return derivatives_of(name, tangent_step(_timeless(self.function), d, tuple(self.params)))
+            return derivatives_of(name, tangent_step(timeless(self.function), d, tuple(self.params)))
 
         def stretch(orbits: Orbits, frames: Floats, periods: int) -> Floats:
             step = FrameStep(step_of_frames().address("step"), parameters, lower, turn, _BOUND)
@@ -182,7 +182,7 @@ class Discrete(MapSpec[PointMap]):
 
 
 @functools.lru_cache(maxsize=256)
-def _timeless(function: Callable[..., Any]) -> Callable[..., Any]:
+def timeless(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return the function with a time that it does not use; the same object for the same function."""
 
     def at_any_time(t: float, x: Sequence[float], p: Any) -> Sequence[float]:

@@ -1,0 +1,1 @@
+"""Labels of basins that are proved by interval arithmetic."""

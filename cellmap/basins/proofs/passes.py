@@ -1,0 +1,168 @@
+"""Passes over cells: those in balls, those whose images meet proved cells only, and those whose orbits come to them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..._compiled.kernels.cell_covers import Forms, Place, cells_in_balls, list_met, prove_cells
+from ..._compiled.kernels.parallelepipeds import GOING, Sets, carry_sets
+from ..._lib.arrays import Floats, Ints
+from ..._lib.midpoint_radius import ROUNDING, Rounding
+from ..._lib.threads import run_over, slices
+from ...maps.enclosures import MeanValueForms, enclosed_images
+from ...maps.point_map import PointMap
+from ...orbits.contraction import ContractionBalls
+from .regions import ProvedCells, centres_of
+
+_ROWS = 8192  # boxes that are enclosed together
+_MOST = {1: 64, 2: 40, 3: 160}  # cells that the image of a provable one may meet
+_WIDEST = 0.25  # of the region, half-width of a set that is followed
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """What encloses images, and where they have to come."""
+
+    point_map: PointMap
+    parameters: Mapping[str, Any] | None
+    balls: tuple[Floats, Floats, Floats]
+    numbers: Ints
+    extent: Floats
+    progress: bool = False
+    rounding: Rounding = ROUNDING
+
+    @classmethod
+    def of(
+        cls,
+        point_map: PointMap,
+        parameters: Mapping[str, Any] | None,
+        attractors: Mapping[int, ContractionBalls],
+        extent: Floats,
+        progress: bool,
+    ) -> Machine:
+        """Collect the balls of all attractors."""
+        d, each = point_map.dimension, list(attractors.items())
+        centres = np.concatenate([np.empty((0, d)), *(b.centres for _, b in each)])
+        frames = np.concatenate([np.empty((0, d, d)), *(b.frames for _, b in each)])
+        counts = [len(b.centres) for _, b in each]
+        radii = np.repeat([b.radius for _, b in each], counts).astype(float)
+        numbers = np.repeat(np.array([k + 1 for k, _ in each], np.int64), counts)
+        return cls(point_map, parameters, (centres, frames, radii), numbers, extent, progress)
+
+    def _forms(self, centres: Floats, half: Floats) -> MeanValueForms:
+        """Return mean-value forms of boxes."""
+        return enclosed_images(self.point_map, centres, half, parameters=self.parameters)
+
+    def _shown(self, what: str) -> str | None:
+        """Return what a bar says of the work that it shows."""
+        return f"{what} of {self.point_map.name}" if self.progress else None
+
+    def claim_balls(self, proved: ProvedCells, place: Place) -> None:
+        """Prove the cells that lie in balls."""
+        if len(self.numbers):
+            cells_in_balls(place, self.balls, self.numbers, self.rounding, proved.labels.ravel(), proved.ranks.ravel())
+
+    def claim_images(self, proved: ProvedCells, place: Place) -> tuple[Met, int]:
+        """Prove cells whose images meet proved cells only; return what the others meet, and how many were enclosed.
+
+        What meets a cell that is HOPELESS is not looked at further.
+        """
+        labels = proved.labels.ravel()
+        cells = np.flatnonzero(labels == 0)
+
+        def work(part: slice) -> tuple[Ints, Ints, Ints]:
+            mine = cells[part]
+            forms = self._forms(centres_of(place, mine), np.broadcast_to(place.half, (len(mine), len(place.half))))
+            met = np.empty((len(mine), _MOST[len(place.half)]), np.int32)
+            counts = np.empty(len(mine), np.int64)
+            list_met(_as_kernel(forms), place.half, place, self.rounding, labels, 0, len(mine), met, counts)
+            some = counts > 0
+            flat = met[some][np.arange(met.shape[1]) < counts[some, None]]
+            return mine[some], counts[some], flat
+
+        met = Met.joined(run_over(slices(len(cells), _ROWS), work, self._shown("enclosing cells")))
+        met.prove(proved)
+        return met, len(cells)
+
+    def claim_orbits(self, proved: ProvedCells, place: Place, cells: Ints, most: int) -> int:
+        """Prove cells that come to proved cells of one label, or into a ball, within some periods.
+
+        Returns the number of boxes that were enclosed.
+        """
+        labels, ranks = proved.labels.ravel(), proved.ranks.ravel()
+        frozen = labels.copy(), ranks.copy()
+
+        def work(part: slice) -> int:
+            mine = cells[part]
+            half = np.broadcast_to(place.half, (len(mine), len(place.half)))
+            found, rank, count = self._followed(centres_of(place, mine), half, place, *frozen, most)
+            some = found > 0
+            labels[mine[some]], ranks[mine[some]] = found[some], rank[some]
+            return count
+
+        return sum(run_over(slices(len(cells), _ROWS), work, self._shown("orbits of cells")))
+
+    def _followed(
+        self, centres: Floats, half: Floats, place: Place, labels: Any, ranks: Any, most: int
+    ) -> tuple[Ints, Ints, int]:
+        """Follow boxes as parallelepipeds; return their labels, 0 for those that are not proved, ranks, and the work."""
+        n, d = centres.shape
+        unit = np.broadcast_to(np.eye(d), (n, d, d))
+        sets = Sets(centres.copy(), unit * half[:, None, :], unit.copy(), np.zeros((n, d)), np.array(half))
+        found, rank, rows = np.zeros(n, np.int64), np.zeros(n, np.int64), np.arange(n)
+        outcome, reached, count = np.empty(n, np.int64), np.empty(n, np.int64), 0
+        for _ in range(most):
+            if not len(rows):
+                break
+            count += len(rows)
+            forms = self._forms(sets.centres, sets.hulls)
+            outcome, reached = outcome[: len(rows)], reached[: len(rows)]
+            carry_sets(
+                sets,
+                _as_kernel(forms),
+                place,
+                self.balls,
+                self.numbers,
+                _WIDEST * self.extent,
+                labels,
+                ranks,
+                self.rounding,
+                outcome,
+                reached,
+            )
+            done = outcome > 0
+            found[rows[done]], rank[rows[done]] = outcome[done], reached[done]
+            going = outcome == GOING
+            sets, rows = Sets(*(a[going] for a in sets)), rows[going]
+        return found, rank, count
+
+
+@dataclass(frozen=True, eq=False)
+class Met:
+    """Cells whose images are enclosed, and the cells that these meet."""
+
+    cells: Ints
+    starts: Ints
+    met: Any
+
+    @classmethod
+    def joined(cls, parts: list[tuple[Ints, Ints, Ints]]) -> Met:
+        """Join those of several parts."""
+        cells, counts, met = zip(*parts, strict=True) if parts else ((), (), ())
+        starts = np.concatenate([[0], np.cumsum(np.concatenate([np.empty(0, np.int64), *counts]))])
+        none = np.empty(0, np.int64), np.empty(0, np.int32)
+        return cls(np.concatenate([none[0], *cells]), starts, np.concatenate([none[1], *met]))
+
+    def prove(self, proved: ProvedCells) -> int:
+        """Prove what follows from the cells that are proved; return how many cells are new."""
+        return int(
+            prove_cells(self.cells, self.starts, self.met, proved.labels.ravel(), proved.ranks.ravel())
+        )
+
+
+def _as_kernel(forms: MeanValueForms) -> Forms:
+    return Forms(forms.images, forms.image_radii, forms.derivatives, forms.derivative_radii)
