@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Bools, Floats
+from .arrays import Bools, Complexes, Floats
 
 
 class Rounding(NamedTuple):
@@ -110,7 +110,7 @@ def stretch_above(matrices: Intervals) -> Floats:
     return np.asarray(np.where(known, bound, np.nan))
 
 
-def inverse(matrices: Floats) -> Intervals:
+def inverse(matrices: Floats | Complexes) -> Intervals:
     """Return the inverses of matrices (..., d, d) that are known exactly; NaN where that cannot be shown.
 
     With Y what was computed and E = 1 - Y A, the inverse is Y + E Y + E E Y + ...

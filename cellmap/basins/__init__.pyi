@@ -16,6 +16,9 @@ from .planning.plans import Outcome as Outcome
 from .planning.plans import Plan as Plan
 from .planning.plans import plan as plan
 from .planning.predictions import Option as Option
+from .proofs.checking import ProofCheck as ProofCheck
+from .proofs.proof import Proof as Proof
+from .proofs.proving import prove as prove
 from .recompute import recompute_basins as recompute_basins
 from .record import Basins as Basins
 from .refining import BasinFrame as BasinFrame

@@ -125,7 +125,7 @@ def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[s
 
 
 def save_with(basins: Basins, path: str | os.PathLike[str], write: Callable[[h5py.Group], None]) -> Path:
-    """Write basins, and beside their arrays what `write` adds, such as a proof: :func:`load_basins` reads the basins."""
+    """Write basins, and beside their arrays what `write` adds; :func:`load_basins` reads the basins alone."""
     path = as_path("path", path)
 
     def fill(file: h5py.File) -> None:

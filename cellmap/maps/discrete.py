@@ -11,9 +11,9 @@ import numpy as np
 
 from .._compiled.codegen.enclosures import CompiledEnclosure
 from .._compiled.codegen.expression import ImpureError
-from .._compiled.codegen.kernel import discrete_kernel, map_enclosure, tangent_step, why_untraced
+from .._compiled.codegen.kernel import discrete_kernel, map_enclosure, tangent_step, traced_function, why_untraced
 from .._compiled.codegen.period import CompiledPeriod
-from .._compiled.codegen.trace import parameter_record
+from .._compiled.codegen.trace import Trace, parameter_record
 from .._compiled.kernels.frames import Framed, FrameStep, carrying
 from .._compiled.machine_code import MachineCode
 from .._lib.arrays import Floats
@@ -95,11 +95,11 @@ class Discrete(MapSpec[PointMap]):
     @computed_once
     def _formulas(self) -> str:
         """Why the formulas of the function are not known; empty if they are."""
-        return why_untraced(timeless(self.function), len(self.coordinates), self.params)
+        return why_untraced(_timeless(self.function), len(self.coordinates), self.params)
 
     def _kernel(self, order: int, only_smooth: bool = False) -> CompiledPeriod | None:
         d, names = len(self.coordinates), tuple(self.params)
-        return discrete_kernel(timeless(self.function), d, names, order, not self._formulas, only_smooth)
+        return discrete_kernel(_timeless(self.function), d, names, order, not self._formulas, only_smooth)
 
     def make(self) -> PointMap:
         """Return the map, without its specification."""
@@ -126,7 +126,7 @@ class Discrete(MapSpec[PointMap]):
 
         @functools.cache
         def step_of_frames() -> MachineCode:
-            return derivatives_of(name, tangent_step(timeless(self.function), d, tuple(self.params)))
+            return derivatives_of(name, tangent_step(_timeless(self.function), d, tuple(self.params)))
 
         def stretch(orbits: Orbits, frames: Floats, periods: int) -> Floats:
             step = FrameStep(step_of_frames().address("step"), parameters, lower, turn, _BOUND)
@@ -171,6 +171,11 @@ class Discrete(MapSpec[PointMap]):
         tangent = self.build().tangent
         return None if tangent is None else (tangent,)
 
+    def trace(self) -> Trace | None:
+        """Return the formulas, None where they are not known."""
+        known = not self._formulas
+        return traced_function(_timeless(self.function), len(self.coordinates), tuple(self.params)) if known else None
+
     def enclosure(self) -> CompiledEnclosure:
         """Return the compiled enclosure of images of boxes."""
         return map_enclosure(_timeless(self.function), len(self.coordinates), tuple(self.params))
@@ -182,7 +187,7 @@ class Discrete(MapSpec[PointMap]):
 
 
 @functools.lru_cache(maxsize=256)
-def timeless(function: Callable[..., Any]) -> Callable[..., Any]:
+def _timeless(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return the function with a time that it does not use; the same object for the same function."""
 
     def at_any_time(t: float, x: Sequence[float], p: Any) -> Sequence[float]:

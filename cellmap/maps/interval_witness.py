@@ -6,16 +6,15 @@ their Taylor series in time (Moore 1966; Lohner 1987), with a remainder over a b
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Mapping, Sequence
 from math import comb
 from typing import Any
 
-from .._compiled.codegen.expression import Expression, ordered
+from .._compiled.codegen.expression import ARITHMETIC, Expression, ordered
 from .._compiled.codegen.kernel import traced_function
 from .._compiled.codegen.trace import Trace
 from .._lib.stopping import check_stop
-from .discrete import Discrete, timeless
+from .discrete import Discrete
 from .point_map import PointMap
 from .stroboscopic import Stroboscopic
 
@@ -38,7 +37,7 @@ def intervals() -> Any:
         from mpmath.ctx_iv import MPIntervalContext
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            "to check a proof by independent interval arithmetic, install mpmath: pip install 'cellmap-dynamics[proofs]'"
+            "to check a proof by other interval arithmetic, install mpmath: pip install 'cellmap-dynamics[proofs]'"
         ) from error
     context = MPIntervalContext()
     context.dps = _DIGITS
@@ -128,7 +127,7 @@ class _Formulas:
         arguments = [known[a] for a in node.arguments]
         a, own = arguments[0], known[node]
         if name in ("add", "sub", "neg"):
-            return {"add": operator.add, "sub": operator.sub, "neg": operator.neg}[name](*(c[j] for c in arguments))
+            return ARITHMETIC[name](*(c[j] for c in arguments))
         if name == "mul":
             return _product(a, arguments[1], j)
         if name == "div":
@@ -263,7 +262,7 @@ def witness(
     values = [_as_interval(context, v) for v in ({**point_map.params, **(parameters or {})}).values()]
     names = tuple(point_map.params)
     if isinstance(spec, Discrete):
-        traced = traced_function(timeless(spec.function), point_map.dimension, names)
+        traced = spec.trace()
         if traced is not None:
             formulas = _Formulas(context, traced, values)
             return lambda box: _discrete_image(formulas, box)
@@ -327,7 +326,9 @@ def _flow_in_steps(
         check_stop()
         time = begin + k * h
         ahead = context.mpf([0, 1]) * h
-        around = [x + sum(a * o for a, o in zip(row, offsets, strict=True)) for x, row in zip(place, total, strict=True)]
+        around = [
+            x + sum(a * o for a, o in zip(row, offsets, strict=True)) for x, row in zip(place, total, strict=True)
+        ]
         held = _picard(formulas, time + ahead, ahead, around)
         slopes = formulas.values(time + ahead, _with_directions(context, held, _unit(context, d)))
         growth = max((sum(abs(s).b for s in f.slopes) for f in slopes), default=0)
@@ -366,5 +367,3 @@ def _picard(formulas: _Formulas, times: Interval, ahead: Interval, box: Sequence
         reach = [m.delta.b * (comb(widening + 2, 2)) / 20 + context.mpf(10) ** -30 for m in moved]
         held = [m + context.mpf([-1, 1]) * r for m, r in zip(moved, reach, strict=True)]
     raise NotEnclosedError("no box holds the solutions over a step")
-
-

@@ -3,6 +3,7 @@ from .attractor import Kind as Kind
 from .chaos_tests import ChaosTest as ChaosTest
 from .chaos_tests import alignment_test as alignment_test
 from .chaos_tests import exponent_test as exponent_test
+from .contraction import ContractionBalls as ContractionBalls
 from .covariant import CovariantVectors as CovariantVectors
 from .covariant import covariant_vectors as covariant_vectors
 from .exponent_fields import ExponentField as ExponentField
@@ -16,5 +17,8 @@ from .orbit_kinds import PeriodicOrbit as PeriodicOrbit
 from .orbit_kinds import jury_margins as jury_margins
 from .periodic_search import find_periodic_orbits as find_periodic_orbits
 from .periodic_search import periodic_orbit as periodic_orbit
+from .proved_orbits import NotProvedError as NotProvedError
+from .proved_orbits import ProvedOrbit as ProvedOrbit
+from .proved_orbits import prove_orbit as prove_orbit
 from .zero_one import zero_one_test as zero_one_test
 from .zero_one import zero_one_test_of_series as zero_one_test_of_series

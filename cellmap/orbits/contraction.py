@@ -48,11 +48,11 @@ class ContractionBalls:
 
 
 def circle_gaps(images: Intervals, targets: Floats, coordinates: tuple[Coordinate, ...]) -> Intervals:
-    """Return images less targets, on circles the shorter way round, whose period is known to a unit in the last place."""
+    """Return images less targets, on circles the shorter way round; periods are known to a unit in the last place."""
     turn = turns_of(coordinates)[1]
     gaps = images - Intervals.exact(targets)
     around = gaps.mid - shortest(gaps.mid, turn)
-    away = Intervals(-around, 4.0 * ROUNDING.unit * np.abs(around))
+    away = Intervals(-around, 8.0 * ROUNDING.unit * np.abs(around))
     return gaps + away
 
 
@@ -70,9 +70,7 @@ def contraction_balls(
     frames = _frames(linear.derivatives, extent)
     if frames is None:
         return None
-    gaps = circle_gaps(
-        Intervals(linear.images, linear.image_radii), np.roll(points, -1, axis=0), exact.coordinates
-    )
+    gaps = circle_gaps(Intervals(linear.images, linear.image_radii), np.roll(points, -1, axis=0), exact.coordinates)
     ahead = Intervals.exact(np.roll(frames, -1, axis=0))
     moved = float(length_above((ahead @ Intervals(gaps.mid[..., None], gaps.rad[..., None]))[..., 0].above).max())
     balls = _Balls(exact, points, frames, inverse(frames), parameters)
@@ -145,8 +143,8 @@ class _Balls:
 def _frames(steps: Floats, extent: Floats) -> Floats | None:
     """Return frames (period, d, d) in which the steps (period, d, d) along a stable orbit contract; None for none.
 
-    Those of eigenvectors are carried along where they are well-conditioned.  Otherwise sums of squared lengths under all
-    steps to come make a metric.  The widest unit ball fills one extent.
+    Those of eigenvectors are carried along where they are well-conditioned.  Otherwise sums of squared lengths under
+    all steps to come make a metric.  The widest unit ball fills one extent.
     """
     steps = steps * extent / extent[:, None]
     matrix = np.eye(steps.shape[-1])

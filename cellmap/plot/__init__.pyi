@@ -30,6 +30,7 @@ from ._global_bifurcations import connections as connections
 from ._global_bifurcations import invariant_circles as invariant_circles
 from ._motion import phase_portrait as phase_portrait
 from ._motion import time_series as time_series
+from ._proofs import proof as proof
 from ._resilience import ball as ball
 from ._resilience import basin_stability as basin_stability
 from ._resilience import fatal_shock as fatal_shock

@@ -171,6 +171,7 @@ EVIDENCE_COLOURS = {
     Evidence.EXACT: (0.98, 0.75, 0.35),
     Evidence.OPEN: (0.75, 0.15, 0.15),
     Evidence.DIRECT: (0.55, 0.55, 0.55),
+    Evidence.PROVED: (0.45, 0.72, 0.50),
 }
 _EVIDENCE_NAMES = {
     Evidence.CELL: "by the cell of the interpolation grid",
@@ -178,6 +179,7 @@ _EVIDENCE_NAMES = {
     Evidence.EXACT: "recomputed exactly",
     Evidence.OPEN: "recomputed, undecided",
     Evidence.DIRECT: "integrated without bounds of errors",
+    Evidence.PROVED: "proved by interval arithmetic",
 }
 
 

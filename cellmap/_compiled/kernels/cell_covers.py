@@ -1,8 +1,8 @@
 """Cells that enclosed images can meet, and labels of cells that follow from those of the cells that they meet.
 
 A set is a zonotope: a centre, generators that are added with factors between -1 and 1, and a box of radii.  Cells are
-boxes around their centres with one half-width along each axis, which covers the rounding of their edges.  No cell that a
-set meets is left out: bounds of rounding are added wherever a cell is found to be away from a set.
+boxes around their centres with one half-width along each axis, which covers the rounding of their edges.  No cell that
+a set meets is left out: bounds of rounding are added wherever a cell is found to be away from a set.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def limits_of(centre, generators, count, box, normals, number, place, rounding, 
 
 @inlined(contract=False)
 def box_of_cells(centre, generators, count, box, place, rounding, low, high):
-    """Write the first and the last cell that a set meets along each axis; tell whether all of them are in the region."""
+    """Write the first and the last cell that a set meets along each axis; tell whether all are in the region."""
     inside = True
     for i in range(len(centre)):
         reach = box[i]
@@ -181,7 +181,7 @@ def following(here, low, high):
 
 
 @loop(contract=False)
-def list_met(forms, half, place, rounding, labels, begin, end, met, counts):
+def list_met(forms, half, place, rounding, labels, met, counts, begin, end):
     """Write the cells that the image of each box meets; no cells where the box cannot be proved in this pass.
 
     ``met`` (rows, most) int32 holds their flat numbers and ``counts`` (rows,) how many there are.
@@ -205,7 +205,7 @@ def list_met(forms, half, place, rounding, labels, begin, end, met, counts):
             continue
         number = normals_to(generators, d, rounding, normals)
         limits_of(centre, generators, d, box, normals, number, place, rounding, limits)
-        found, label, more = 0, 0, True
+        found, label, more = 0, np.int64(0), True
         while more:
             if not is_away(here, centre, normals, number, limits, place):
                 flat = cell_at(here, place)
@@ -241,7 +241,7 @@ def prove_cells(cells, starts, met, labels, ranks):
         for m in range(left):
             e = order[m]
             c = cells[e]
-            label, rank, known, alive = 0, 0, True, True
+            label, rank, known, alive = np.int64(0), np.int64(0), True, True
             if labels[c] > 0:
                 continue
             for k in range(starts[e], starts[e + 1]):

@@ -156,10 +156,10 @@ def next_set(e, sets, forms, place, errors, product, frame, rounding):
 
 
 @loop(contract=False)
-def carry_sets(sets, forms, place, balls, numbers, widest, labels, ranks, rounding, outcome, outcome_ranks):
+def carry_sets(sets, forms, place, balls, numbers, widest, labels, ranks, rounding, outcome, reached, begin, end):
     """Carry sets over one period, in place, and write the label of those that are where all is proved with one label.
 
-    ``outcome`` (n,) is a label, GOING or FAILED; ``outcome_ranks`` is one more than the ranks of the cells that a set
+    ``outcome`` (n,) is a label, GOING or FAILED; ``reached`` is one more than the ranks of the cells that a set
     meets.  Sets wider than `widest` (d,) along an axis fail.  Without ``labels`` only balls are looked at.
     """
     d = len(widest)
@@ -167,8 +167,8 @@ def carry_sets(sets, forms, place, balls, numbers, widest, labels, ranks, roundi
     product, frame, generators = np.zeros((d, d)), np.zeros((d, d)), np.zeros((d, 2 * d))
     normals, limits = np.zeros((6, d)), np.zeros(6)
     low, high, here = np.zeros(d, np.int64), np.zeros(d, np.int64), np.zeros(d, np.int64)
-    for e in range(len(outcome)):
-        outcome[e], outcome_ranks[e] = FAILED, 0
+    for e in range(begin, end):
+        outcome[e], reached[e] = FAILED, 0
         if not next_set(e, sets, forms, place, errors, product, frame, rounding):
             continue
         centre, narrow = sets.centres[e], True
@@ -187,7 +187,7 @@ def carry_sets(sets, forms, place, balls, numbers, widest, labels, ranks, roundi
         outcome[e] = GOING
         b = ball_around(centre, generators, 2 * d, box, balls, place.turn, rounding)
         if b >= 0:
-            outcome[e], outcome_ranks[e] = numbers[b], 1
+            outcome[e], reached[e] = numbers[b], 1
             continue
         if len(labels) == 0 or not box_of_cells(centre, generators, 2 * d, box, place, rounding, low, high):
             continue
@@ -200,7 +200,7 @@ def carry_sets(sets, forms, place, balls, numbers, widest, labels, ranks, roundi
             continue
         number = normals_to(generators, 2 * d, rounding, normals)
         limits_of(centre, generators, 2 * d, box, normals, number, place, rounding, limits)
-        rank, more = 0, True
+        rank, more = np.int64(0), True
         for i in range(d):
             here[i] = low[i]
         while more:
@@ -208,8 +208,8 @@ def carry_sets(sets, forms, place, balls, numbers, widest, labels, ranks, roundi
                 flat = cell_at(here, place)
                 rank = max(rank, np.int64(ranks[flat]))
                 if np.int64(labels[flat]) != label:
-                    label, more = 0, False
+                    label, more = np.int64(0), False
             if more:
                 more = following(here, low, high)
         if label > 0:
-            outcome[e], outcome_ranks[e] = label, rank + 1
+            outcome[e], reached[e] = label, rank + 1

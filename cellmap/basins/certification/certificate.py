@@ -30,6 +30,8 @@ class Evidence(IntEnum):
     Undecided initial conditions are among these, and have no label yet."""
     DIRECT = 4
     """Label of the exact map, without a bound of its errors: direct integration was predicted to cost less."""
+    PROVED = 5
+    """Proved by interval arithmetic for the whole cell of the grid, see :func:`cellmap.basins.prove`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +68,7 @@ class Certificate(ShownAsHtml, ConvertsToXarray):
     @property
     def open(self) -> int:
         """Number of labels that the tolerance of the exact map could change, as far as is known."""
-        return int(np.count_nonzero(self.evidence >= Evidence.OPEN))
+        return int(np.count_nonzero(np.isin(self.evidence, (Evidence.OPEN, Evidence.DIRECT))))
 
     @property
     def undecided(self) -> int:

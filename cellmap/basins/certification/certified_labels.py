@@ -56,7 +56,7 @@ class _Left:
 class CertifiedLabels:
     """Labels and the evidence for them, found in several ways one after the other."""
 
-    def __init__(self, search: Search, bounds: TableErrors | None, budget: Budget, tally: Tally) -> None:
+    def __init__(self, search: Search, bounds: TableErrors | None, budget: Budget, tally: Tally, proved: Bools) -> None:
         basins, self.progress = search.basins, search.progress
         point_map = basins.point_map
         assert point_map is not None
@@ -71,7 +71,7 @@ class CertifiedLabels:
         if bounds is not None:
             self.owners = owners_of_cells(self.setting, bounds, self._late())
         self.labels, self.times = basins.labels.flatten(), basins.settling_time.flatten()
-        self.evidence = np.full(self.labels.size, Evidence.OPEN, np.uint8)
+        self.evidence = np.where(proved, Evidence.PROVED, Evidence.OPEN).astype(np.uint8)
         self.redone = 0
         self.undecided = np.zeros(0, np.int64)
         self.tally = tally
@@ -93,8 +93,8 @@ class CertifiedLabels:
             else:
                 self._integrate(rest)
         else:
-            self._integrate(np.arange(self.labels.size))
-        self.redone = int(np.count_nonzero(self.evidence >= Evidence.EXACT))
+            self._integrate(np.flatnonzero(self.evidence == Evidence.OPEN))
+        self.redone = int(np.count_nonzero((self.evidence >= Evidence.EXACT) & (self.evidence < Evidence.PROVED)))
         kept = np.flatnonzero(self.evidence <= Evidence.ORBIT)
         drawn = random_numbers(seed).choice(kept, audit) if len(kept) else kept
         direct = self._direct_labels(drawn)
@@ -114,7 +114,8 @@ class CertifiedLabels:
         setting = self.setting
         cells = Locator.of(setting.grid, setting.direct.coordinates)(self.initial_conditions.points(part))
         owners = np.where((cells >= 0) & ~self.slow[part], self.owners[cells], NONE)
-        held, labels, times = owners >= _ESCAPED, self.labels[part], self.times[part]
+        held = (owners >= _ESCAPED) & (self.evidence[part] == Evidence.OPEN)
+        labels, times = self.labels[part], self.times[part]
         changed = held & (owners != labels)
         labels[changed], times[changed] = owners[changed], 0
         self.evidence[part][held] = Evidence.CELL

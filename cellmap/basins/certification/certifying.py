@@ -12,6 +12,7 @@ from ..._lib.randomness import Rng, random_seed
 from ..._lib.signatures import checked
 from ...attractors.labels import Label
 from ...maps.orbit_batch import NOTHING, Cost
+from ..proofs.proof import Proof
 from ..record import Basins
 from .budget import Budget
 from .certificate import Certificate
@@ -29,6 +30,7 @@ def certify(
     safety: float = 4.0,
     *,
     max_cost: float = 1.2,
+    proof: Proof | None = None,
     rng: Rng = 0,
     progress: bool = False,
 ) -> Certificate:
@@ -63,6 +65,9 @@ def certify(
         initial conditions predicts a larger one, the others are integrated directly, with the evidence DIRECT; all of
         them where the interpolation cells alone would cost too much.  With inf nothing is left out, nor is it where all
         takes a tenth of a second.
+    proof : Proof, optional
+        What :func:`prove` has proved of these basins: labels of cells that are proved as a whole are kept, with the
+        evidence PROVED.
     rng : int, numpy.random.Generator or None, optional
         Seed or generator of the random choice of these labels.
     progress : bool, optional
@@ -115,7 +120,13 @@ def certify(
             f"max_cost={max_cost!r}: give a number from 1 on, which direct integration costs; inf for no limit"
         )
     began = time.perf_counter()
-    total = basins.labels.size
+    given, total, proved = basins, basins.labels.size, np.zeros(basins.labels.size, bool)
+    if proof is not None:
+        if proof.grid != basins.grid or dict(proof.basins.params) != dict(basins.params):
+            raise ValueError(f"proof={proof!r} is of other basins: give what prove(basins) returns")
+        known = proof.labels
+        proved = (known >= 0).ravel()
+        basins = replace(basins, labels=np.where(known >= 0, known, basins.labels).astype(np.int16))
     claim_memory(f"evidence for {total:,} initial conditions", 6 * total, "take fewer initial conditions")
     claim_memory(
         f"error bounds of {point_map.table}", TableErrors.memory(point_map.table.grid), "take fewer interpolation cells"
@@ -124,14 +135,14 @@ def certify(
     bounds = None if budget.is_spent_on_cells else TableErrors.of(point_map, safety, progress)
     search = Search(basins, progress)
     search.among(np.flatnonzero(np.isin(basins.labels, OPEN)))
-    run = CertifiedLabels(search, bounds, budget, NOTHING)
+    run = CertifiedLabels(search, bounds, budget, NOTHING, proved)
     seed = random_seed(rng)
     checked = run.certify(audit, seed)
     for again in range(1, _SEARCHES):
         # What was shown to go to one attractor may have one on its way that was not known.
         if not search.among(run.undecided):
             break
-        run = CertifiedLabels(search, bounds, budget, run.tally)
+        run = CertifiedLabels(search, bounds, budget, run.tally, proved)
         checked = run.certify(audit, seed + again)
     if checked.wrong:
         warn_caller(
@@ -139,7 +150,7 @@ def certify(
             f"interpolation grid {point_map.table.grid} misses a part of the map; give it more cells, or raise "
             f"safety={safety:g}"
         )
-    shape, kept = basins.labels.shape, 1.0 - run.redone / total
+    shape, kept = basins.labels.shape, 1.0 - (run.redone + np.count_nonzero(proved)) / total
     return Certificate(
         basins=replace(
             search.basins,
@@ -148,7 +159,7 @@ def certify(
         ),
         evidence=run.evidence.reshape(shape),
         redone=run.redone,
-        changed=int(np.count_nonzero(run.labels != search.before(basins).ravel())),
+        changed=int(np.count_nonzero(run.labels != search.before(given).ravel())),
         audit=checked,
         wrong=(kept * checked.low, kept * checked.high + np.count_nonzero(run.labels == Label.UNDECIDED) / total),
         cost=Cost(

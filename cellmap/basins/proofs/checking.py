@@ -97,15 +97,24 @@ class _Checker:
         total = [[context.mpf(int(i == k)) for k in range(d)] for i in range(d)]
         try:
             for _ in range(max(self.proof.max_periods, 1)):
-                hull = [m + sum(t * o for t, o in zip(row, offsets, strict=True)) for m, row in zip(middle, total, strict=True)]
+                hull = [
+                    m + sum(t * o for t, o in zip(row, offsets, strict=True))
+                    for m, row in zip(middle, total, strict=True)
+                ]
                 if any(float(x.delta.b) > 1e3 for x in hull):
                     break
                 image, slopes = self.enclose(hull)
                 # The image of the hull's midpoint is that of a point near the middle: the mean-value form is about it.
                 shift = [m - context.mpf(x.mid.a) for m, x in zip(middle, hull, strict=True)]
-                middle = [y + sum(s * v for s, v in zip(row, shift, strict=True)) for y, row in zip(image, slopes, strict=True)]
+                middle = [
+                    y + sum(s * v for s, v in zip(row, shift, strict=True))
+                    for y, row in zip(image, slopes, strict=True)
+                ]
                 total = [[sum(row[m] * total[m][c] for m in range(d)) for c in range(d)] for row in slopes]
-                found = [m + sum(t * o for t, o in zip(row, offsets, strict=True)) for m, row in zip(middle, total, strict=True)]
+                found = [
+                    m + sum(t * o for t, o in zip(row, offsets, strict=True))
+                    for m, row in zip(middle, total, strict=True)
+                ]
                 if self._is_proved(found, label, rank) or self._in_ball(found, label):
                     return True
         except NotEnclosedError:
@@ -135,7 +144,7 @@ class _Checker:
             if not (edges[0] <= low and high <= edges[-1]):
                 return False
             first, last = np.searchsorted(edges, low, "left") - 1, np.searchsorted(edges, high, "right") - 1
-            some = np.arange(max(first, 0), min(last, len(edges) - 2) + 1)
+            some = np.arange(max(int(first), 0), min(int(last), len(edges) - 2) + 1)
             ranges.append(np.unique(some % n) if around else some)
         cells = np.ix_(*ranges)
         return bool((self.labels[cells] == label).all() and (self.ranks[cells] < rank).all())
@@ -170,7 +179,9 @@ class _Checker:
         at = balls.centres[k] + balls.radius * (inverse @ direction)
         half = balls.radius * np.linalg.norm(inverse, axis=1) / _PARTS
         try:
-            _, slopes = self.enclose([context.mpf([a - h, a + h]) for a, h in zip(at.tolist(), half.tolist(), strict=True)])
+            _, slopes = self.enclose(
+                [context.mpf([a - h, a + h]) for a, h in zip(at.tolist(), half.tolist(), strict=True)]
+            )
         except NotEnclosedError:
             return False
         ahead = _matrix(context, balls.frames[(k + 1) % len(balls.centres)])
@@ -213,5 +224,3 @@ def _is_positive(a: list[list[Interval]]) -> bool:
             factor = rows[r][i] / rows[i][i]
             rows[r] = [x - factor * y for x, y in zip(rows[r], rows[i], strict=True)]
     return True
-
-

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from ..._lib.checks import claim_disk
 from ..._lib.files import as_target, locked
@@ -81,7 +82,9 @@ def _opened(path: Path, belongs: Mapping[str, object], region: Region, splits: i
     from ..._lib.checkpoint import TILE, made, resumed
 
     shapes = [replace(region, level=level).shape for level in range(splits + 1)]
-    arrays = {f"labels {k}": (shape, np.int16) for k, shape in enumerate(shapes)}
+    arrays: dict[str, tuple[tuple[int, ...], DTypeLike]] = {
+        f"labels {k}": (shape, np.int16) for k, shape in enumerate(shapes)
+    }
     arrays |= {f"ranks {k}": (shape, np.int32) for k, shape in enumerate(shapes)}
     arrays[_TILES] = ((splits + 1,), TILE)
     found = resumed(path, belongs, lambda _: arrays, lambda _: None)

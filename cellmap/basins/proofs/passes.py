@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,13 +12,14 @@ from ..._compiled.kernels.cell_covers import Forms, Place, cells_in_balls, list_
 from ..._compiled.kernels.parallelepipeds import GOING, Sets, carry_sets
 from ..._lib.arrays import Floats, Ints
 from ..._lib.midpoint_radius import ROUNDING, Rounding
-from ..._lib.threads import run_over, slices
-from ...maps.enclosures import MeanValueForms, enclosed_images
+from ..._lib.threads import progress_bar, run_over, slices
+from ...maps.enclosures import enclosed_images
 from ...maps.point_map import PointMap
 from ...orbits.contraction import ContractionBalls
 from .regions import ProvedCells, centres_of
 
-_ROWS = 8192  # boxes that are enclosed together
+_ROWS = 2**16  # boxes that are enclosed together, for which memory is taken
+_TASK = 4096  # of these in a task of a thread
 _MOST = {1: 64, 2: 40, 3: 160}  # cells that the image of a provable one may meet
 _WIDEST = 0.25  # of the region, half-width of a set that is followed
 
@@ -53,14 +54,6 @@ class Machine:
         numbers = np.repeat(np.array([k + 1 for k, _ in each], np.int64), counts)
         return cls(point_map, parameters, (centres, frames, radii), numbers, extent, progress)
 
-    def _forms(self, centres: Floats, half: Floats) -> MeanValueForms:
-        """Return mean-value forms of boxes."""
-        return enclosed_images(self.point_map, centres, half, parameters=self.parameters)
-
-    def _shown(self, what: str) -> str | None:
-        """Return what a bar says of the work that it shows."""
-        return f"{what} of {self.point_map.name}" if self.progress else None
-
     def claim_balls(self, proved: ProvedCells, place: Place) -> None:
         """Prove the cells that lie in balls."""
         if len(self.numbers):
@@ -71,22 +64,18 @@ class Machine:
 
         What meets a cell that is HOPELESS is not looked at further.
         """
-        labels = proved.labels.ravel()
-        cells = np.flatnonzero(labels == 0)
-
-        def work(part: slice) -> tuple[Ints, Ints, Ints]:
+        labels, half = proved.labels.ravel(), place.half
+        cells, found = np.flatnonzero(labels == 0), []
+        for part in self._parts(len(cells), "enclosing cells"):
             mine = cells[part]
-            forms = self._forms(centres_of(place, mine), np.broadcast_to(place.half, (len(mine), len(place.half))))
-            met = np.empty((len(mine), _MOST[len(place.half)]), np.int32)
-            counts = np.empty(len(mine), np.int64)
-            list_met(_as_kernel(forms), place.half, place, self.rounding, labels, 0, len(mine), met, counts)
+            forms = Forms(*self._forms(centres_of(place, mine), half))
+            met, counts = np.empty((len(mine), _MOST[len(half)]), np.int32), np.empty(len(mine), np.int64)
+            _on_threads(len(mine), list_met, forms, half, place, self.rounding, labels, met, counts)
             some = counts > 0
-            flat = met[some][np.arange(met.shape[1]) < counts[some, None]]
-            return mine[some], counts[some], flat
-
-        met = Met.joined(run_over(slices(len(cells), _ROWS), work, self._shown("enclosing cells")))
-        met.prove(proved)
-        return met, len(cells)
+            found.append((mine[some], counts[some], met[some][np.arange(met.shape[1]) < counts[some, None]]))
+        joined = Met.joined(found)
+        joined.prove(proved)
+        return joined, len(cells)
 
     def claim_orbits(self, proved: ProvedCells, place: Place, cells: Ints, most: int) -> int:
         """Prove cells that come to proved cells of one label, or into a ball, within some periods.
@@ -94,51 +83,45 @@ class Machine:
         Returns the number of boxes that were enclosed.
         """
         labels, ranks = proved.labels.ravel(), proved.ranks.ravel()
-        frozen = labels.copy(), ranks.copy()
-
-        def work(part: slice) -> int:
+        frozen, total = (labels.copy(), ranks.copy()), 0
+        for part in self._parts(len(cells), "orbits of cells"):
             mine = cells[part]
-            half = np.broadcast_to(place.half, (len(mine), len(place.half)))
-            found, rank, count = self._followed(centres_of(place, mine), half, place, *frozen, most)
+            found, rank, count = self._followed(centres_of(place, mine), place, *frozen, most)
             some = found > 0
             labels[mine[some]], ranks[mine[some]] = found[some], rank[some]
-            return count
+            total += count
+        return total
 
-        return sum(run_over(slices(len(cells), _ROWS), work, self._shown("orbits of cells")))
-
-    def _followed(
-        self, centres: Floats, half: Floats, place: Place, labels: Any, ranks: Any, most: int
-    ) -> tuple[Ints, Ints, int]:
-        """Follow boxes as parallelepipeds; return their labels, 0 for those that are not proved, ranks, and the work."""
+    def _followed(self, centres: Floats, place: Place, labels: Any, ranks: Any, most: int) -> tuple[Ints, Ints, int]:
+        """Follow boxes as parallelepipeds; return their labels, 0 where nothing is proved, ranks, and the work."""
         n, d = centres.shape
-        unit = np.broadcast_to(np.eye(d), (n, d, d))
-        sets = Sets(centres.copy(), unit * half[:, None, :], unit.copy(), np.zeros((n, d)), np.array(half))
-        found, rank, rows = np.zeros(n, np.int64), np.zeros(n, np.int64), np.arange(n)
-        outcome, reached, count = np.empty(n, np.int64), np.empty(n, np.int64), 0
+        half, unit = np.broadcast_to(place.half, (n, d)), np.broadcast_to(np.eye(d), (n, d, d))
+        sets = Sets(centres, unit * half[:, None, :], unit.copy(), np.zeros((n, d)), half.copy())
+        found, rank, rows, count = np.zeros(n, np.int64), np.zeros(n, np.int64), np.arange(n), 0
         for _ in range(most):
             if not len(rows):
                 break
             count += len(rows)
-            forms = self._forms(sets.centres, sets.hulls)
-            outcome, reached = outcome[: len(rows)], reached[: len(rows)]
-            carry_sets(
-                sets,
-                _as_kernel(forms),
-                place,
-                self.balls,
-                self.numbers,
-                _WIDEST * self.extent,
-                labels,
-                ranks,
-                self.rounding,
-                outcome,
-                reached,
-            )
-            done = outcome > 0
+            forms = Forms(*self._forms(sets.centres, sets.hulls))
+            outcome, reached = np.empty(len(rows), np.int64), np.empty(len(rows), np.int64)
+            where = place, self.balls, self.numbers, _WIDEST * self.extent, labels, ranks, self.rounding
+            _on_threads(len(rows), carry_sets, sets, forms, *where, outcome, reached)
+            done, going = outcome > 0, outcome == GOING
             found[rows[done]], rank[rows[done]] = outcome[done], reached[done]
-            going = outcome == GOING
             sets, rows = Sets(*(a[going] for a in sets)), rows[going]
         return found, rank, count
+
+    def _forms(self, centres: Floats, half: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return mean-value forms of boxes, as kernels take them."""
+        f = enclosed_images(self.point_map, centres, half, parameters=self.parameters)
+        return f.images, f.image_radii, f.derivatives, f.derivative_radii
+
+    def _parts(self, total: int, what: str) -> Iterator[slice]:
+        """Yield parts of the work, shown by a bar."""
+        with progress_bar(total, f"{what} of {self.point_map.name}" if self.progress else None) as advance:
+            for part in slices(total, _ROWS):
+                yield part
+                advance(part.stop - part.start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +133,7 @@ class Met:
     met: Any
 
     @classmethod
-    def joined(cls, parts: list[tuple[Ints, Ints, Ints]]) -> Met:
+    def joined(cls, parts: list[tuple[Any, Any, Any]]) -> Met:
         """Join those of several parts."""
         cells, counts, met = zip(*parts, strict=True) if parts else ((), (), ())
         starts = np.concatenate([[0], np.cumsum(np.concatenate([np.empty(0, np.int64), *counts]))])
@@ -159,10 +142,13 @@ class Met:
 
     def prove(self, proved: ProvedCells) -> int:
         """Prove what follows from the cells that are proved; return how many cells are new."""
-        return int(
-            prove_cells(self.cells, self.starts, self.met, proved.labels.ravel(), proved.ranks.ravel())
-        )
+        return int(prove_cells(self.cells, self.starts, self.met, proved.labels.ravel(), proved.ranks.ravel()))
 
 
-def _as_kernel(forms: MeanValueForms) -> Forms:
-    return Forms(forms.images, forms.image_radii, forms.derivatives, forms.derivative_radii)
+def _on_threads(total: int, loop: Callable[..., Any], *arguments: Any) -> None:
+    """Run a loop over rows in tasks of one size."""
+
+    def work(part: slice) -> None:
+        loop(*arguments, part.start, part.stop)
+
+    run_over(slices(total, _TASK), work)

@@ -25,7 +25,7 @@ from ...maps.orbit_batch import Cost
 from ...orbits.contraction import ContractionBalls
 from ..record import Basins
 from ..store import add_array, load_with, save_with
-from .regions import ProvedCells, Region
+from .regions import ProvedCells, Region, in_figures
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +67,9 @@ class Proof(ShownAsHtml, ConvertsToXarray):
 
     def __repr__(self) -> str:
         parts = "; ".join(
-            f"{self.basins.label_name(k)} at least {area:.4g}" for k, area in self.areas.items() if area > 0.0
+            f"{self.basins.label_name(k)} at least {in_figures(area)}" for k, area in self.areas.items() if area > 0.0
         )
-        return f"Proof({self.name}: {100 * self.share:.4g} % of the window; {parts or 'no label is proved'})"
+        return f"Proof({self.name}: {in_figures(100 * self.share)} % of the window; {parts or 'no label is proved'})"
 
     @property
     def name(self) -> str:

@@ -21,8 +21,8 @@ from ...maps.orbit_batch import Cost
 from ...orbits.attractor import Kind
 from ...orbits.contraction import contraction_balls
 from ..record import Basins
-from .passes import Machine
 from .level_file import levels_kept
+from .passes import Machine
 from .proof import Proof
 from .regions import ProvedCells, alike, centres_of, region_of
 
@@ -44,9 +44,9 @@ def prove(
     First, attractors: around each periodic one the largest balls are sought that the map is proved to contract into one
     another, so that there is one periodic orbit in them to which all points converge.  Then cells: one is proved if
     all cells that its enclosed image meets are proved with the same label, beginning with those that lie in a ball.
-    Other cells are followed as parallelepipeds until they lie in proved cells or in a ball.  What remains is halved along
-    each axis, and tried again.  Cells one of whose neighbours has another label, by the map that the basins were found
-    with, are not tried before they are halved: this saves time, and no proof rests on it.
+    Other cells are followed as parallelepipeds until they lie in proved cells or in a ball.  What remains is halved
+    along each axis, and tried again.  Cells one of whose neighbours has another label, by the map that the basins were
+    found with, are not tried before they are halved: this saves time, and no proof rests on it.
 
     Chaotic and quasi-periodic attractors are not proved, nor what converges to them.
 
@@ -85,7 +85,8 @@ def prove(
     References
     ----------
     Moore, Kearfott, Cloud, *Introduction to Interval Analysis* (2009); Lohner, in *Computer Arithmetic* (1987) 255;
-    Kapela, Mrozek, Wilczak, Zgliczynski, Communications in Nonlinear Science and Numerical Simulation 101 (2021) 105578.
+    Kapela, Mrozek, Wilczak, Zgliczynski, Communications in Nonlinear Science and Numerical Simulation 101 (2021)
+    105578.
 
     Examples
     --------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from decimal import ROUND_FLOOR, Context, Decimal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -204,3 +205,16 @@ def alike(labels: NDArray[np.int16], wraps: tuple[bool, ...]) -> Bools:
             bounds.append([np.take(padded, range(s, s + labels.shape[j]), axis=j) for s in range(3)])
         low, high = np.minimum.reduce(bounds[0]), np.maximum.reduce(bounds[1])
     return np.asarray(low == high)
+
+
+def in_figures(bound: float) -> str:
+    """Write a lower bound with four figures, rounded down.
+
+    Examples
+    --------
+    >>> in_figures(15.9999999), in_figures(0.0), in_figures(0.123456)
+    ('15.99', '0', '0.1234')
+    """
+    if not bound > 0.0:
+        return "0"
+    return str(Decimal(bound).normalize(Context(prec=4, rounding=ROUND_FLOOR)))
