@@ -274,8 +274,8 @@ def witness(
             length = _as_interval(context, (parameters or {}).get("period", system.length))
             return lambda box: _flow_image(formulas, context.mpf(spec.phase) * length, length, box)
     raise ValueError(
-        f"{point_map!r} has no formulas that intervals can evaluate: proofs are for discrete maps and smooth flows whose "
-        "functions can be traced"
+        f"{point_map!r} has no formulas that intervals can evaluate: proofs are for discrete maps and smooth flows "
+        "whose functions can be traced"
     )
 
 
@@ -326,9 +326,7 @@ def _flow_in_steps(
         check_stop()
         time = begin + k * h
         ahead = context.mpf([0, 1]) * h
-        around = [
-            x + sum(a * o for a, o in zip(row, offsets, strict=True)) for x, row in zip(place, total, strict=True)
-        ]
+        around = moved(place, total, offsets)
         held = _picard(formulas, time + ahead, ahead, around)
         slopes = formulas.values(time + ahead, _with_directions(context, held, _unit(context, d)))
         growth = max((sum(abs(s).b for s in f.slopes) for f in slopes), default=0)
@@ -351,8 +349,19 @@ def _flow_in_steps(
             ]
             for row, last in zip(wide, rest, strict=True)
         ]
-        total = [[sum(row[m] * total[m][c] for m in range(d)) for c in range(d)] for row in step]
+        total = product(step, total)
     return place, total
+
+
+def moved(place: Sequence[Interval], matrix: Any, offsets: Sequence[Interval]) -> list[Interval]:
+    """Return a place plus a matrix times offsets."""
+    products = (sum(a * o for a, o in zip(row, offsets, strict=True)) for row in matrix)
+    return [x + p for x, p in zip(place, products, strict=True)]
+
+
+def product(a: Any, b: Any) -> list[list[Interval]]:
+    """Return the product of two matrices."""
+    return [[sum(row[m] * b[m][c] for m in range(len(b))) for c in range(len(b[0]))] for row in a]
 
 
 def _picard(formulas: _Formulas, times: Interval, ahead: Interval, box: Sequence[Interval]) -> list[Interval]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..._lib.randomness import Rng, random_numbers
 from ..._lib.records import ShownAsHtml
 from ..._lib.stopping import check_stop
 from ...maps.coordinates import turns_of
-from ...maps.interval_witness import Interval, NotEnclosedError, intervals, witness
+from ...maps.interval_witness import Interval, NotEnclosedError, intervals, moved, product, witness
 from ...orbits.contraction import ContractionBalls
 from .proof import Proof
 
@@ -44,9 +44,9 @@ class ProofCheck(ShownAsHtml):
     unconfirmed: tuple[tuple[float, ...], ...]
 
 
-def check(proof: Proof, n: int, rng: Rng) -> ProofCheck:
+def check(proof: Proof, n_samples: int, rng: Rng) -> ProofCheck:
     """Prove random cells and boxes again, as :meth:`Proof.check` does."""
-    n = whole_number("n", n, at_least=1)
+    n = whole_number("n_samples", n_samples, at_least=1)
     if proof.basins.point_map is None:
         raise ValueError("this proof has no map: rebuild it with rebuild_map, find the basins again and prove them")
     checker, random = _Checker(proof), random_numbers(rng)
@@ -97,24 +97,14 @@ class _Checker:
         total = [[context.mpf(int(i == k)) for k in range(d)] for i in range(d)]
         try:
             for _ in range(max(self.proof.max_periods, 1)):
-                hull = [
-                    m + sum(t * o for t, o in zip(row, offsets, strict=True))
-                    for m, row in zip(middle, total, strict=True)
-                ]
+                hull = moved(middle, total, offsets)
                 if any(float(x.delta.b) > 1e3 for x in hull):
                     break
                 image, slopes = self.enclose(hull)
                 # The image of the hull's midpoint is that of a point near the middle: the mean-value form is about it.
                 shift = [m - context.mpf(x.mid.a) for m, x in zip(middle, hull, strict=True)]
-                middle = [
-                    y + sum(s * v for s, v in zip(row, shift, strict=True))
-                    for y, row in zip(image, slopes, strict=True)
-                ]
-                total = [[sum(row[m] * total[m][c] for m in range(d)) for c in range(d)] for row in slopes]
-                found = [
-                    m + sum(t * o for t, o in zip(row, offsets, strict=True))
-                    for m, row in zip(middle, total, strict=True)
-                ]
+                middle, total = moved(image, slopes, shift), product(slopes, total)
+                found = moved(middle, total, offsets)
                 if self._is_proved(found, label, rank) or self._in_ball(found, label):
                     return True
         except NotEnclosedError:
@@ -122,7 +112,7 @@ class _Checker:
         if halvings == 0:
             return False
         halves = [((a, 0.5 * (a + b)), (0.5 * (a + b), b)) if a < b else ((a, b),) for a, b in box]
-        return all(self._comes(list(part), label, rank, halvings - 1) for part in product(*halves))
+        return all(self._comes(list(part), label, rank, halvings - 1) for part in itertools.product(*halves))
 
     def _is_proved(self, box: Sequence[Interval], label: int, rank: int) -> bool:
         """Tell whether all cells that a box meets have a label and smaller ranks."""
@@ -186,7 +176,7 @@ class _Checker:
             return False
         ahead = _matrix(context, balls.frames[(k + 1) % len(balls.centres)])
         here = _inverse(context, _matrix(context, balls.frames[k]))
-        step = _times(_times(ahead, slopes), here)
+        step = product(product(ahead, slopes), here)
         rate = context.mpf(balls.rate) ** 2
         gram = [[sum(row[i] * row[j] for row in step) for j in range(d)] for i in range(d)]
         return _is_positive([[(rate if i == j else 0) - g for j, g in enumerate(row)] for i, row in enumerate(gram)])
@@ -194,10 +184,6 @@ class _Checker:
 
 def _matrix(context: Any, numbers: Floats) -> list[list[Interval]]:
     return [[context.mpf(float(v)) for v in row] for row in numbers]
-
-
-def _times(a: Any, b: Any) -> list[list[Interval]]:
-    return [[sum(row[m] * b[m][c] for m in range(len(b))) for c in range(len(b[0]))] for row in a]
 
 
 def _inverse(context: Any, a: list[list[Interval]]) -> list[list[Interval]]:

@@ -112,12 +112,12 @@ class Proof(ShownAsHtml, ConvertsToXarray):
         return {k: float(counts[k + 1]) * volume / ROUNDING.wider for k in range(len(self.basins.attractors))}
 
     @checked
-    def check(self, n: int = 10, *, rng: Rng = 0) -> Any:
+    def check(self, n_samples: int = 10, *, rng: Rng = 0) -> Any:
         """Prove random cells again with another program: interval arithmetic of forty digits by mpmath.
 
         Parameters
         ----------
-        n : int, optional
+        n_samples : int, optional
             Number of proved cells, and of small boxes in the balls around attractors, drawn with replacement.
         rng : int, numpy.random.Generator or None, optional
             Seed or generator of the random draw.
@@ -134,7 +134,7 @@ class Proof(ShownAsHtml, ConvertsToXarray):
         ValueError
             For a proof without its map, such as one loaded from a file.
         """
-        return importlib.import_module(f"{__package__}.checking").check(self, n, rng)
+        return importlib.import_module(f"{__package__}.checking").check(self, n_samples, rng)
 
     @checked
     def save(self, path: str | os.PathLike[str]) -> Path:

@@ -217,4 +217,5 @@ def in_figures(bound: float) -> str:
     """
     if not bound > 0.0:
         return "0"
-    return str(Decimal(bound).normalize(Context(prec=4, rounding=ROUND_FLOOR)))
+    rounded = Decimal(bound).normalize(Context(prec=4, rounding=ROUND_FLOOR))
+    return f"{rounded:f}" if 1e-5 < bound < 1e7 else str(rounded)
