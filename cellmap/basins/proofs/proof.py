@@ -55,6 +55,7 @@ class Proof(ShownAsHtml, ConvertsToXarray):
         "Proved labels of {0.name}",
         {},
         {"labels": Array("{cells}", "label that is proved for the whole cell", flags="_meanings")},
+        {"basins": "", "attractors": "", "cells": ""},
     )
 
     basins: Basins
