@@ -79,7 +79,7 @@ def test_another_program_confirms(proof):
 
 
 def test_rotating_solutions_on_the_circle():
-    """Angles of images go round several times; the branch cut is proved like any other place."""
+    """Angles of images make several full rotations; the branch cut is proved like any other place."""
     grid = CellGrid((-pi, -2.0), (pi, 2.0), (120, 120))
     basins = find_basins(discrete_map(damped, {}, (angle("theta"), "v")), grid)
     found = prove(basins, splits=0)

@@ -52,7 +52,7 @@ def test_an_orbit_gone_round_twice_has_no_least_period():
 
 
 def test_orbit_on_a_circle_with_rotations():
-    """Each step is a turn and the remainder of sin: fixed at angle 0 up to full rotations, with multiplier 1 - 0.5."""
+    """Each step is a full rotation less half of sin: fixed at the angle 0, with multiplier 1 - 0.5."""
     rotating = discrete_map(lambda x, p: (x[0] + 2 * pi - 0.5 * sin(x[0]),), {}, (angle("theta"),))
     found = prove_orbit(rotating, [[0.0]])
     assert found.stable and found.radii[0, 0] < 1e-13 and found.is_least

@@ -224,10 +224,10 @@ def list_met(forms, half, place, rounding, labels, met, counts, begin, end):
 
 
 @loop
-def prove_cells(cells, starts, met, labels, ranks):
+def prove_cells(cells, bounds, met, labels, ranks):
     """Prove cells all of whose met cells are proved with one label, as long as there are any; return how many.
 
-    ``cells`` (m,) are the flat numbers of cells, ``met[starts[e] : starts[e + 1]]`` what cell e meets.  The rank of a
+    ``cells`` (m,) are the flat numbers of cells, ``met[bounds[e] : bounds[e + 1]]`` what cell e meets.  The rank of a
     cell is larger than those of the cells that it meets.
     """
     count, left = 0, len(cells)
@@ -244,7 +244,7 @@ def prove_cells(cells, starts, met, labels, ranks):
             label, rank, known, alive = np.int64(0), np.int64(0), True, True
             if labels[c] > 0:
                 continue
-            for k in range(starts[e], starts[e + 1]):
+            for k in range(bounds[e], bounds[e + 1]):
                 own = np.int64(labels[met[k]])
                 if own <= 0:
                     known = False

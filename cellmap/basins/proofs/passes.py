@@ -129,20 +129,20 @@ class Met:
     """Cells whose images are enclosed, and the cells that these meet."""
 
     cells: Ints
-    starts: Ints
+    bounds: Ints
     met: Any
 
     @classmethod
     def joined(cls, parts: list[tuple[Any, Any, Any]]) -> Met:
         """Join those of several parts."""
         cells, counts, met = zip(*parts, strict=True) if parts else ((), (), ())
-        starts = np.concatenate([[0], np.cumsum(np.concatenate([np.empty(0, np.int64), *counts]))])
+        bounds = np.concatenate([[0], np.cumsum(np.concatenate([np.empty(0, np.int64), *counts]))])
         none = np.empty(0, np.int64), np.empty(0, np.int32)
-        return cls(np.concatenate([none[0], *cells]), starts, np.concatenate([none[1], *met]))
+        return cls(np.concatenate([none[0], *cells]), bounds, np.concatenate([none[1], *met]))
 
     def prove(self, proved: ProvedCells) -> int:
         """Prove what follows from the cells that are proved; return how many cells are new."""
-        return int(prove_cells(self.cells, self.starts, self.met, proved.labels.ravel(), proved.ranks.ravel()))
+        return int(prove_cells(self.cells, self.bounds, self.met, proved.labels.ravel(), proved.ranks.ravel()))
 
 
 def _on_threads(total: int, loop: Callable[..., Any], *arguments: Any) -> None:

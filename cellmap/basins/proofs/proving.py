@@ -169,12 +169,17 @@ def _promising(proved: ProvedCells, place: Place, basins: Basins) -> Bools:
     """Return the cells that have the label of all their neighbours, by the map that the basins were found with."""
     region, labels, point_map = proved.region, proved.labels, basins.point_map
     assert point_map is not None
-    known = labels > 0
-    found = np.where(known, labels - 1, Label.UNLABELLED).astype(np.int16)
+    around, within = np.zeros(labels.shape, bool), region.window
     if region.level == 0:
-        found[region.window] = basins.labels
-        known[region.window] = True
-    rows = np.flatnonzero(~known)
-    catalogue, periods = Catalogue.of(basins.attractors, point_map), int(basins.settings["max_periods"])
-    found.ravel()[rows] = classify(point_map, catalogue, centres_of(place, rows), periods).labels
-    return alike(found, region.grid.wraps) & np.isin(found, _provable(basins))
+        found = basins.labels
+        around = labels == 0  # nothing is known of cells outside of the window, which are few and tried once
+    else:
+        known = labels[within]
+        found = np.where(known > 0, known - 1, Label.UNLABELLED).astype(np.int16)
+        outside = np.ones(labels.shape, bool)
+        outside[within] = known > 0
+        rows = np.flatnonzero(~outside)
+        catalogue, periods = Catalogue.of(basins.attractors, point_map), int(basins.settings["max_periods"])
+        found[known == 0] = classify(point_map, catalogue, centres_of(place, rows), periods).labels
+    around[within] = alike(found, region.grid.wraps) & np.isin(found, _provable(basins))
+    return around

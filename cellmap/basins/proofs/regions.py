@@ -86,7 +86,7 @@ class Region:
         for j in range(d):
             edges = self.edges(j)
             if wraps[j]:
-                # An angle that is a whole turn away, by a period that is known to a unit in the last place.
+                # An angle that is a full rotation away, by a period that is known to a unit in the last place.
                 edges = np.concatenate([edges[:-1] - turn[j], edges[:-1], edges + turn[j]])
             if not (np.diff(edges) > 0.0).all() and not self.fixed[j]:
                 raise ValueError(f"splits: no floating-point numbers separate cells along {self.coordinates[j].name}")
