@@ -36,6 +36,7 @@ export class Orbits {
     if (place === null) this.time = 0;
     if (first) this.opened();
     this.show();
+    if (first) this.section.scrollIntoView({ block: "nearest" });
     this.begin();
   }
 

@@ -40,6 +40,7 @@ export class Plane {
     choices(this.shown, [["", "all: how many are stable"], ...found.identities.map((k) => [k, this.nameOf(k)])], "");
     this.canvas.hidden = this.row.hidden = false;
     this.draw();
+    this.canvas.scrollIntoView({ block: "nearest" });
   }
 
   // Returns the present values as fractions of the ranges.

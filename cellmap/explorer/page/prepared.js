@@ -11,7 +11,8 @@ export class Prepared {
     this.list.hidden = !views.length;
     this.list.replaceChildren(...views.map(({ title }, k) => {
       const button = Object.assign(document.createElement("button"), { type: "button", title });
-      button.append(String(k + 1), Object.assign(document.createElement("span"), { className: "long", textContent: title && ` ${title}` }));
+      button.textContent = k + 1;
+      button.ariaLabel = `View ${k + 1}${title && `: ${title}`}`;
       button.addEventListener("click", () => this.show(k));
       return button;
     }));

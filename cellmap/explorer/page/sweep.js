@@ -65,6 +65,7 @@ export class Sweep {
     this.found = { ...found, points: new Float32Array(bytes.buffer) };
     this.canvas.hidden = false;
     this.draw();
+    this.canvas.scrollIntoView({ block: "nearest" });
   }
 
   // Asks for the film along the range; one that was stopped goes on where it was.

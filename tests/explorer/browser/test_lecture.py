@@ -88,7 +88,7 @@ def test_views_are_chosen_by_keys_and_told_in_large_type(browser: Browser, share
         assert page.locator("#legend li").count() == 2
         page.mouse.move(*at(page, 0.5, 0.5))
         assert "fixed point (0, 0)" in page.inner_text("#pointer")
-        assert page.locator("header").is_hidden()
+        assert page.locator("#system").is_hidden()
         after(page, lambda: page.keyboard.press("ArrowRight"))  # the first parameter
         assert float(page.input_value("#value-damping")) == pytest.approx(0.306)
         page.keyboard.press("Space")
