@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import queue
+import re
 import threading
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -83,11 +84,18 @@ def test_the_threads_end_with_the_pages(sent: Sent) -> None:
 
 
 def test_the_page_of_one_file_asks_for_no_other() -> None:
-    page = page_of_one_file()
-    assert "href=" not in page
-    assert "src=" not in page
-    for path in PAGE.glob("*.js"):
-        assert f'"cellmap/{path.name}": "data:' in page
+    alone = {"watch.js", "family.js"}  # each is the first module of another page
+    for page, others in ((page_of_one_file(), alone), (page_of_one_file("family.html"), {"main.js", "watch.js"})):
+        assert "href=" not in page
+        assert "src=" not in page
+        inside = {path.name for path in PAGE.glob("*.js") if f'"cellmap/{path.name}": "data:' in page}
+        assert not inside & others
+        for name in inside:
+            used = re.findall(r'from "\./(\w+\.js)"', (PAGE / name).read_text(encoding="utf-8"))
+            assert inside.issuperset(used)
+    assert {path.name for path in PAGE.glob("*.js")} - alone <= set(
+        re.findall(r'"cellmap/(\w+\.js)"', page_of_one_file())
+    )
 
 
 HOST = """
