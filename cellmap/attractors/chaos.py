@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from .creeping import creeping
 from .matching import thinned
 from .settling import RESIDENCE, path_of
 from .transients import HALF, Late, Reason, follow_on
+from .trapping_boxes import is_trapped, with_trapped_boxes
 
 EXPONENT_PERIODS = 300
 """Periods in which an orbit shows whether it is chaotic."""
@@ -39,6 +40,9 @@ _LONGEST_RETURN = 128
 _FINEST = 16  # times as many boxes along each axis where covers of two attractors hold the orbits of each other
 _KNOWN = 8192  # points of a known attractor that are compared
 _ZERO = 0.01  # largest size of an exponent that may be zero
+MATURE = (
+    256  # periods from which orbits may have come to a chaotic attractor, if a neighbourhood of it shows them there
+)
 _TOO_MANY = 3  # exponents that are zero on tori for which there is no trapping region
 
 
@@ -69,7 +73,8 @@ def examine(
     where it was is on an unstable periodic orbit.  Orbits whose points are nearest neighbours of one another are on one
     attractor, and so are those that go to and fro between two such sets.
 
-    At most 32 of the states (n, d), evenly spread, are followed, for five times the `age` in periods that they have.
+    At most 32 of the states (n, d), evenly spread, are followed, for five times the `age` in periods that they have,
+    unless all of them are in a neighbourhood of one attractor that no orbit leaves, see :func:`trapped_boxes`.
     If any of them leaves, or ends on a known attractor that is not chaotic, all of them are transients.  Orbits that
     stay among the boxes of a known chaotic attractor are on that attractor.  No orbit is on a new one if it is among
     the points of a known chaotic attractor, if orbits go from there to another attractor, or if any of those that came
@@ -85,6 +90,10 @@ def examine(
         if len(rows) and drift(point_map, chosen[rows[0]], reach) is not None:
             reasons[rows] = Reason.RESONANT
         return Examination((), tuple(map(Reason, reasons)))
+    if chaotic.all() and age >= MATURE and point_map.is_flow:
+        trapped = _trapped(point_map, chosen, reach, known, late)
+        if trapped is not None:
+            return Examination((trapped,), ())
     rows = np.flatnonzero(chaotic | (reasons == Reason.REGULAR))
     followed = follow_on(point_map, chosen[rows], chaotic[rows], known, age)
     reasons[rows] = followed.reasons
@@ -104,6 +113,27 @@ def examine(
     paths = followed.path[:, lasting][:, alive], followed.transients
     found, reasons[rows] = _distinguished(point_map, history, exponents, *paths, reach, known, late)
     return Examination(tuple(found), tuple(Reason(r) for r in reasons if r is not None))
+
+
+def _trapped(
+    point_map: PointMap, states: Floats, extent: Floats, known: Sequence[Attractor], late: Late | None
+) -> Attractor | None:
+    """Return the chaotic attractor of all orbits, if it is one, and in a neighbourhood that no orbit leaves."""
+    orbits = Orbits.starting(states.copy())
+    history = path_of(point_map, orbits, _SAMPLE_PERIODS)
+    if not orbits.alive.all():
+        return None
+    paths = states[None], np.empty((0, *history.shape[::2]))
+    found, reasons = _distinguished(point_map, history, np.zeros(states.shape), *paths, extent, known, late)
+    if len(found) != 1 or any(reason is not None for reason in reasons):
+        return None
+    (attractor,) = with_trapped_boxes(point_map, found, known)
+    if not is_trapped(attractor):
+        return None
+    exponents, doubts = tested(point_map, orbits.points, extent, _SAMPLE_PERIODS)
+    if (doubts != Reason.TRANSIENT).any():
+        return None
+    return replace(attractor, exponents=-np.sort(-exponents, axis=-1).mean(axis=0))
 
 
 def _distinguished(

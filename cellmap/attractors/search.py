@@ -28,10 +28,11 @@ from .labels import LABEL_NAMES, Label
 from .lyapunov_regions import Afford, always
 from .quasiperiodic import long_cycle, quasiperiodic_attractors
 from .quotients import quotient_of
+from .residence import with_full_residence
 from .settling import Catalogue, settle, settle_on_threads
 from .transients import REMEDIES, Late, Reason, UnsettledWarning, regular
 from .trapping import still_trapping, trapping_neighbourhood
-from .wandering import FEWEST, representatives
+from .wandering import FEWEST, are_chaotic, representatives
 
 _LOOKS = 256  # looks at the same orbits, at most
 _FIRST_LOOK = 32  # periods before end points are refined for the first time
@@ -122,7 +123,7 @@ def _found_by_all(
     """Return the attractors that orbits of some states come to, why others do not, and labels of all."""
     extent = region_extent(point_map, states)
     examined = Examined.nothing_yet(point_map, extent, states)
-    found = search(point_map, states, known, max_periods, longest_period, extent, examined)
+    found = search(point_map, states, with_full_residence(known), max_periods, longest_period, extent, examined)
     attractors, reasons = found.attractors, tuple[Reason, ...]()
     if len(found.orbits):
         examination = found.examined(point_map, states, extent)
@@ -174,13 +175,15 @@ def search(
         rows, orbits, last = rows[settled.undecided], settled.orbits, age + time_limit >= max_periods
         age, time_limit = min(age + time_limit, max_periods), 2 * age if age else time_limit
         if last or not _many_settle(before, len(orbits)):
+            if point_map.is_flow and age >= _MATURE and (last if wandering else len(rows) >= FEWEST):
+                wandering = are_chaotic(point_map, orbits.points, extent)
             orbits, attractors, owners = sort_out(
                 point_map, orbits, attractors, longest_period, extent, age, examined, not last, last, wandering
             )
             labels[rows], times[rows] = owners, np.where(owners >= 0, age, -1)
             rows = rows[owners == Label.UNDECIDED]
-            if point_map.is_flow and age >= _WANDERING and not last and len(rows) >= FEWEST:
-                kept, wandering = representatives(point_map, orbits.points, extent)
+            if wandering and age >= _WANDERING and not last and len(rows) >= FEWEST:
+                kept = representatives(point_map, orbits.points, extent)
                 rows, orbits = rows[kept], orbits[kept]
         if last:
             break
@@ -223,8 +226,8 @@ def sort_out(
 
     Returns the rest, all attractors, and on which of them each orbit is.  A patient search ends as soon as it finds
     attractors to which most of the orbits have come; the last one looks for longer cycles on which orbits rest, and
-    for circles along which they drift slowly.  Until then no curves are looked for among orbits that are `wandering`
-    over chaotic sets.
+    for circles along which they drift slowly.  No curves are looked for among orbits that are `wandering` over chaotic
+    sets, and no longer cycles until the last look.
     """
     owners, rows = np.full(len(orbits), Label.UNDECIDED), np.arange(len(orbits))
     for _ in range(_LOOKS):
@@ -234,10 +237,10 @@ def sort_out(
         # Orbits that approach one of these come to rest on it, and on no continuum of equilibria.
         others = orbits.points[Catalogue.of(fresh, point_map).owners_of(orbits.points) < 0]
         fresh += sticking_sets(point_map, others, extent, attractors)
-        mature = (age >= _MATURE or not patient) and (last or not wandering)
-        if not fresh and mature:
+        mature = age >= _MATURE or not patient
+        if not fresh and mature and not wandering:
             fresh = curves_and_cycles(point_map, orbits.points, attractors, extent, examined, age, slow=last)
-        if not fresh and mature:
+        if not fresh and mature and (last or not wandering):
             closed = closed_orbits(point_map, orbits.points, extent, longest_period, _LONGEST_AT_REST if last else 0)
             fresh = verified_cycles(point_map, closed, attractors, extent, examined)
             fresh = fresh or continua(point_map, closed, extent, attractors, examined.lines)

@@ -126,7 +126,8 @@ def _boxes(covers: Sequence[tuple[int, Cover, Ints]], turn: Floats) -> Covers:
     """Return covers one behind the other in arrays."""
     d = len(turn)
     corners = np.array([cover.corners for _, cover, _ in covers], np.int64).reshape(-1, 2, d)
-    certain = [np.zeros(len(keys), bool) if c.certain is None else c.certain for _, c, keys in covers]
+    sure = [c.certain if c.trapped is None else c.trapped for _, c, _ in covers]
+    certain = [np.zeros(len(keys), bool) if s is None else s for s, (*_, keys) in zip(sure, covers, strict=True)]
     return Covers(
         owners=np.array([k for k, _, _ in covers], np.int64),
         corner=np.array([cover.lower for _, cover, _ in covers], float).reshape(-1, d),

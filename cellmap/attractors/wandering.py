@@ -19,24 +19,26 @@ _KEPT = 256  # orbits of each set
 _SAMPLED = 256  # periods of the orbits that show where the sets are
 
 
-def representatives(point_map: PointMap, points: Floats, extent: Floats) -> tuple[Ints, bool]:
-    """Return the rows of orbits (n, dimension) that stand for all, and whether these are on chaotic sets.
+def are_chaotic(point_map: PointMap, points: Floats, extent: Floats) -> bool:
+    """Tell whether exponents of 32 of some orbits (n, dimension), evenly spread, show that all of these are chaotic."""
+    reasons = tested(point_map, points[evenly(len(points))], extent, EXPONENT_PERIODS)[1]
+    return bool((reasons == Reason.TRANSIENT).all())
 
-    Exponents of 32 of them, and points of their orbits, show the sets: if all of them are chaotic, of the orbits on
-    each set 256 are kept, evenly spread, for on one set all have the same future on average.  Those that are on none
-    are kept, too.
+
+def representatives(point_map: PointMap, points: Floats, extent: Floats) -> Ints:
+    """Return the rows of chaotic orbits (n, dimension) that stand for all.
+
+    Points of 32 of them show the sets over which they wander: of the orbits on each set 256 are kept, evenly spread,
+    for on one set all have the same future on average.  Those that are on none are kept, too.
     """
     everyone = np.arange(len(points))
-    chosen = points[evenly(len(points))]
-    if len(points) < FEWEST or (tested(point_map, chosen, extent, EXPONENT_PERIODS)[1] != Reason.TRANSIENT).any():
-        return everyone, False
-    orbits = Orbits.starting(chosen.copy())
+    orbits = Orbits.starting(points[evenly(len(points))])
     history = path_of(point_map, orbits, _SAMPLED)
-    if not orbits.alive.all():
-        return everyone, False
+    if len(points) < FEWEST or not orbits.alive.all():
+        return everyone
     widths = lattice(history.reshape(-1, point_map.dimension), point_map, extent)[1]
     clouds = Clouds(point_map, list(history.swapaxes(0, 1)), BOXES * widths)
     place = clouds.place_of(pieces_of(point_map, points), clouds.group)
     sets = [np.flatnonzero(place == g) for g in np.unique(place[place >= 0])]
     kept = [rows[evenly(len(rows), _KEPT)] for rows in sets]
-    return np.sort(np.concatenate([np.flatnonzero(place < 0), *kept])), bool((place >= 0).all())
+    return np.sort(np.concatenate([np.flatnonzero(place < 0), *kept]))

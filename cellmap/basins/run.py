@@ -29,7 +29,7 @@ from ..attractors.settling import Settled
 from ..attractors.transients import Late, Reason, regular
 from ..maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits
 from ..maps.point_map import PointMap, ToleranceWarning
-from ..orbits.attractor import Attractor, Kind, sort_key
+from ..orbits.attractor import Attractor, sort_key
 from .doubts import cycles_of
 from .initial_conditions import InitialConditions, Rows
 from .label_store import HELD, InMemory, LabelStore, basins_memory
@@ -157,8 +157,8 @@ class Run:
                 # What these attractors attract is attracted by them whatever else is found.
                 yield from self._first_look(now, self.order[: self.first])
             tiles = _joined_tiles(self.order) or None
-            found = self._observed(self._search(chosen, known, total > _SAMPLE, examined), len(known))
-            now = replace(now, attractors=found, tiles=tiles)
+            found = self._search(chosen, known, total > _SAMPLE, examined)
+            now = replace(now, attractors=self._observed(found, len(found)), tiles=tiles)
             self.store.begin(now)
         states: Orbits | None = None
         while True:
@@ -223,10 +223,12 @@ class Run:
     def _observed(self, attractors: tuple[Attractor, ...], before: int) -> tuple[Attractor, ...]:
         """Return attractors, the chaotic ones with the periods that make a resident, where many are to be labelled.
 
-        Those are observed again when there are more attractors than before.
+        Where there are more attractors than before, what was observed holds no longer.
         """
-        total, strange = len(self.initial_conditions), any(a.kind is Kind.CHAOTIC for a in attractors)
-        if total < _FEWER * OBSERVED or not strange or (len(attractors) == before and not unobserved(attractors)):
+        total = len(self.initial_conditions)
+        if len(attractors) > before:
+            attractors = with_full_residence(attractors)
+        if total < _FEWER * OBSERVED or not unobserved(attractors):
             return attractors
         rows = np.sort(np.random.default_rng(1).choice(total, OBSERVED, replace=False))
         sample = self.initial_conditions.wrapped(rows, self.point_map)

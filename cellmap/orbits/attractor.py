@@ -75,6 +75,9 @@ class Cover:
     residence : int or None
         For a chaotic attractor, consecutive periods among the boxes after which an orbit counts as converged, where a
         sample of orbits has shown how long others stay; 64 by default.
+    trapped : ndarray of bool, shape (number,), or None
+        For a chaotic attractor, the boxes in a neighbourhood of it that no orbit leaves, as images of small cells show:
+        an orbit in one of these has converged.
     """
 
     lower: Floats
@@ -82,6 +85,7 @@ class Cover:
     boxes: Ints
     certain: Bools | None = None
     residence: int | None = None
+    trapped: Bools | None = None
 
     @computed_once
     def corners(self) -> Ints:
@@ -91,7 +95,11 @@ class Cover:
 
 PARTS: Mapping[str, tuple[Any, Mapping[str, str]]] = {
     "neighbourhood": (Neighbourhood, {"centres": "period d", "metrics": "period d d", "contraction": ""}),
-    "cover": (Cover, {"lower": "d", "widths": "d", "boxes": "boxes d", "certain": "boxes", "residence": ""}),
+    "cover": (
+        Cover,
+        {"lower": "d", "widths": "d", "boxes": "boxes d", "residence": ""}
+        | dict.fromkeys(("certain", "trapped"), "boxes"),
+    ),
     "circle": (
         InvariantCircle,
         {

@@ -10,7 +10,7 @@ import pytest
 from cellmap import CellGrid, discrete_map, find_basins
 from cellmap.attractors.residence import with_full_residence, with_residence
 from cellmap.attractors.settling import RESIDENCE, Catalogue, classify
-from cellmap.attractors.wandering import representatives
+from cellmap.attractors.wandering import are_chaotic, representatives
 from cellmap.basins import LiveBasins, continue_basins, load_basins, save_basins
 from cellmap.maps.point_map import PointMap
 from systems import henon_map
@@ -58,31 +58,31 @@ def wandering(point_map: PointMap, number: int) -> np.ndarray:
 
 def test_of_the_orbits_on_each_chaotic_set_as_many_are_kept():
     points = wandering(CUBIC, 800)
-    kept, all_wander = representatives(CUBIC, points, np.ones(2))
-    assert all_wander and len(kept) == 2 * 256
+    kept = representatives(CUBIC, points, np.ones(2))
+    assert are_chaotic(CUBIC, points, np.ones(2)) and len(kept) == 2 * 256
     assert np.count_nonzero(points[kept, 0] > 0) in range(200, 312)  # each orbit stays on its side
     away = np.concatenate([points, [[1.9, -1.7]]])  # an orbit that diverges
-    kept, all_wander = representatives(CUBIC, away, np.ones(2))
-    assert not all_wander or 800 in kept
+    assert not are_chaotic(CUBIC, away, np.ones(2)) or 800 in representatives(CUBIC, away, np.ones(2))
 
 
 def test_all_orbits_are_kept_where_some_are_not_chaotic_or_they_are_few():
     points = wandering(HENON, 600)
     points[300:] = [0.631354477089505, 0.18940634312685142]  # the fixed point
-    assert representatives(HENON, points, np.ones(2))[0].tolist() == list(range(600))
-    assert representatives(HENON, points[:300], np.ones(2))[0].tolist() == list(range(300))
+    assert not are_chaotic(HENON, points, np.ones(2))
+    assert representatives(HENON, points[:300], np.ones(2)).tolist() == list(range(300))
 
 
 def test_attractors_that_are_given_are_observed_on_the_orbits_to_be_labelled():
     point_map, grid = CASES["Henon"]
     basins = find_basins(point_map, grid)
     (chaotic,) = basins.attractors
-    short = replace(chaotic, cover=replace(chaotic.cover, residence=1))
+    everywhere = np.ones(len(chaotic.cover.boxes), bool)
+    short = replace(chaotic, cover=replace(chaotic.cover, residence=1, trapped=everywhere))
     again = find_basins(point_map, grid, attractors=[short])
     assert again.attractors[0].cover.residence == chaotic.cover.residence
     assert np.array_equal(again.labels, basins.labels) and np.array_equal(again.settling_time, basins.settling_time)
     few = find_basins(point_map, grid.centres().reshape(-1, 2)[::16], attractors=[short])
-    assert few.attractors[0].cover.residence is None
+    assert few.attractors[0].cover.residence is None and few.attractors[0].cover.trapped is None
     assert np.array_equal(few.labels, basins.labels.ravel()[::16])
 
 

@@ -50,7 +50,7 @@ class Covers(NamedTuple):
     ``corner``, ``widths`` of the first box; ``around``: boxes in the turn of an angle, 0 on the line; ``low``,
     ``shape`` of the boxes' bounding box, in which they are numbered row-major: sorted, those of cover c are
     ``keys[begin[c] : begin[c + 1]]``.  In a cover that is ``resting``, an orbit has to rest, but where a box is
-    ``certain``; in the others it has to stay for as many periods as ``residence`` tells.
+    ``certain``; in the others it has to stay for as many periods as ``residence`` tells, or to be in one that is.
     """
 
     owners: NDArray[np.int64]
@@ -160,9 +160,16 @@ def _shift(points, r, regions, m, turn, j):
     return shortest(x, turn[j]) if turn[j] > 0.0 else x
 
 
+OUTSIDE, INSIDE, CERTAIN = 0, 1, 2
+"""How a cover holds a point."""
+
+
 @inlined
 def held_by_cover(covers, c, points, r, before, m):
-    """Tell whether row r of points is in a box of a cover, and rests there if it has to; row m is where it was."""
+    """Return how a cover holds row r of points: INSIDE in a box, where it rests if it has to, CERTAIN in one of these.
+
+    Row m is where it was.
+    """
     key, d = np.int64(0), points.shape[1]
     for j in range(d):
         place = np.floor((points[r, j] - covers.corner[c, j]) / covers.widths[c, j])
@@ -173,7 +180,7 @@ def held_by_cover(covers, c, points, r, before, m):
             box %= around
         box -= covers.low[c, j]
         if not 0 <= box < covers.shape[c, j]:
-            return False
+            return OUTSIDE
         key = key * covers.shape[c, j] + box
     first, end = covers.begin[c], covers.begin[c + 1]
     last = end
@@ -184,11 +191,13 @@ def held_by_cover(covers, c, points, r, before, m):
         else:
             last = middle
     if first == end or covers.keys[first] != key:
-        return False
-    if not covers.resting[c] or covers.certain[first]:
-        return True
+        return OUTSIDE
+    if covers.certain[first]:
+        return CERTAIN
+    if not covers.resting[c]:
+        return INSIDE
     rests = True
     for j in range(d):
         # A NaN is no place to have been at.
         rests &= abs(points[r, j] - before[m, j]) <= AT_REST * (1.0 + abs(points[r, j]))
-    return rests
+    return INSIDE if rests else OUTSIDE

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..loops import inlined, loop
 from .blocks import place_of
 from .calls import call_look_up
-from .capture import LOOKED_AT, ellipsoids_of, held_by_cover, sifted
+from .capture import CERTAIN, LOOKED_AT, OUTSIDE, ellipsoids_of, held_by_cover, sifted
 from .periods import ESCAPED, INACCURATE, NOWHERE, Discrete, Motion, integrate, iterate, notice
 
 FINISHED, INTERRUPTED, ASKS_FOR_POOL, ASKS_FOR_WAITING = 0, 1, 2, 3
@@ -282,7 +282,8 @@ def _ends(covers, limits, outcome, pool, r, owner):
     if owner < 0 and outcome.told.size > 0:
         owner = outcome.told[m]
     for c in range(covers.owners.size):
-        inside = held_by_cover(covers, c, pool.points, r, outcome.before, m)
+        held = held_by_cover(covers, c, pool.points, r, outcome.before, m)
+        inside = held != OUTSIDE
         if covers.resting[c]:
             if inside and owner < 0:
                 owner = covers.owners[c]
@@ -290,8 +291,8 @@ def _ends(covers, limits, outcome, pool, r, owner):
         if not inside and outcome.residence[c, m] > 0:
             outcome.stays[c, m] = max(outcome.stays[c, m], outcome.residence[c, m])
         outcome.residence[c, m] = outcome.residence[c, m] + 1 if inside else 0
-        if owner < 0 and outcome.residence[c, m] >= covers.residence[c]:
-            owner, when = covers.owners[c], max(k - covers.residence[c] + 1, 0)
+        if owner < 0 and (held == CERTAIN or outcome.residence[c, m] >= covers.residence[c]):
+            owner, when = covers.owners[c], max(k - outcome.residence[c, m] + 1, 0)
     if owner < 0 and not ended and k < limits.end:
         return False
     for c in range(covers.owners.size):
