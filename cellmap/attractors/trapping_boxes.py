@@ -17,7 +17,7 @@ from ..maps.side_by_side import advance_on_threads
 from ..orbits.attractor import Attractor, Cover, Kind
 from .boxes import boxes_around, boxes_of, inside_cover, moved_boxes
 
-_BESIDE = 16  # boxes on each side of the cover that may belong to the neighbourhood,
+_BESIDE = 24  # boxes on each side of the cover that may belong to the neighbourhood,
 _NEAR = 4  # and around each of its boxes, where those would be too many
 _FINENESS = 4  # cells of a box along each axis
 _MOST = 2**18  # cells
