@@ -19,7 +19,7 @@ export PIP_CONSTRAINT := $(PINS)
 export PIP_BUILD_CONSTRAINT := $(PINS)
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-docs basins figures test test-all test-newest test-oldest coverage dist mutants size check check-code check-pins check-site bench docs pins clean
+.PHONY: help env env-docs basins figures test test-all test-newest test-oldest coverage dist mutants size check check-code check-pins check-site bench bench-history docs pins clean
 
 help:
 	@echo "make basins       basins of the driven pendulum (figure 19), into studies/output/"
@@ -37,6 +37,7 @@ help:
 	@echo "make check-pins   whether all Pythons from $(OLDEST_PYTHON) to $(NEWEST_PYTHON) can install constraints.txt"
 	@echo "make check-site   documentation, without what the studies print, in a browser without a network"
 	@echo "make bench        speed against other programs, as ratios"
+	@echo "make bench-history  CPU time of a few jobs at this commit, added to docs/bench_history.csv"
 	@echo "make docs         the site, into docs/_build/html/"
 	@echo "make pins         renew constraints.txt: the newest version of every package"
 	@echo "make env          the environment alone, in .venv/"
@@ -156,6 +157,10 @@ check-site: env-docs
 bench: $(INSTALLED)bench
 	$(RUN) -m pytest tests/bench -o addopts= -W default \
 		--benchmark-group-by=group --benchmark-columns=min,median,rounds --benchmark-sort=min
+
+# A line for each job in docs/bench_history.csv, and the figure of all commits.
+bench-history: env
+	$(RUN) tests/bench/history.py
 
 # Studies and programs of pages run in one process, with all threads.
 docs: env-docs

@@ -43,7 +43,7 @@ extensions = [
     "stages",
     "study_pages",
 ]
-exclude_patterns = ["_build", "_extensions", "generated", "examples", "tutorials", "auto/backreferences"]
+exclude_patterns = ["_build", "paper.md", "_extensions", "generated", "examples", "tutorials", "auto/backreferences"]
 templates_path = ["_templates"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3

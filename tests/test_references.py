@@ -38,6 +38,12 @@ def test_every_document_that_is_cited_is_there():
     assert not found, "\n".join(found)
 
 
+def test_what_the_paper_cites_is_in_its_bibliography():
+    cited = re.findall(r"@([A-Za-z]+\d{4})", (ROOT / "docs" / "paper.md").read_text(encoding="utf-8"))
+    entries = re.findall(r"^@\w+\{(\w+),", (ROOT / "docs" / "paper.bib").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(set(cited)) == sorted(entries)
+
+
 def test_programs_that_are_named_are_there():
     for name in re.findall(r"`(tests/[\w/]+\.(?:py|md))`", PAGE.read_text(encoding="utf-8")):
         assert (ROOT / name).exists(), name

@@ -11,7 +11,8 @@ from typing import Any, NamedTuple, TypeVar, Union, cast, get_args, get_origin, 
 
 import numpy as np
 
-from .checks import is_sequence, real_number, shown, warn_caller
+from .checks import is_sequence, real_number, shown
+from .deprecation import renamed
 
 _LIBRARY = __name__.split(".")[0]
 F = TypeVar("F", bound=Callable[..., Any])
@@ -86,7 +87,7 @@ def checked(function: F) -> F:
         kinds = _kinds(function)
         for before in old.keys() & named.keys():
             now = old[before]
-            warn_caller(f"{before} is called {now} since cellmap 0.2: give {now}={named[before]!r}", DeprecationWarning)
+            renamed(before, now, "0.2", named[before])
             named[now] = named.pop(before)
         for name, value in (*zip(names, args, strict=False), *named.items()):
             kind = kinds.get(name)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.arrays import Bools, Floats
-from .._lib.checks import warn_caller
+from .._lib.deprecation import renamed
 from .grid import CellGrid
 
 
@@ -46,7 +46,7 @@ class CellTable:
     @property
     def rough(self) -> Bools:
         """Fallback cells, by the name that they had in cellmap 0.1."""
-        warn_caller("CellTable.rough is called fallback since cellmap 0.2", DeprecationWarning)
+        renamed("CellTable.rough", "CellTable.fallback", "0.2")
         return self.fallback
 
     def __repr__(self) -> str:
