@@ -22,7 +22,7 @@ Pass = Callable[[Ints, int], Floats]
 """Enclosures of some boxes with a number of steps, one in each row, with its remainder in the last column."""
 
 _REMAINDER = 0.005
-_ORDERS = (8, 12)
+_ORDERS: tuple[int, ...] = (8, 12)
 _FIRST, _FEWEST, _MOST = 8, 4, 4096
 _MORE = 1.2  # times as many steps are worth another pass
 _HOPE = 8  # times as many steps enclose a sample of boxes without an enclosure, or they are given up

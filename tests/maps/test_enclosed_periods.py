@@ -15,6 +15,9 @@ from extended_integration import LONG, extrapolated
 from test_enclosures import formula
 
 from cellmap import ForcedSystem, PointMap, angle, set_threads, stroboscopic_map
+from cellmap._compiled.codegen import enclosing_steps, flow_enclosures, moving_frames, picard
+from cellmap._compiled.codegen.instructions import total
+from cellmap._compiled.codegen.intervals import Interval
 from cellmap.maps import Impact, enclosed_periods, enclosures
 from cellmap.maps.enclosures import MeanValueForms, enclosed_images
 
@@ -81,7 +84,7 @@ def short_series(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("name", TEXTS)
 def test_points_of_boxes_in_extended_precision(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(1)
-    if name in {"Duffing", "autonomous"}:
+    if name == "Duffing":
         monkeypatch.setattr(enclosures, "_COARSE", 0.0)
     centres, halves = boxes(rng, 40)
     forms = enclosed_images(flow_of(TEXTS[name]), centres, halves)
@@ -192,3 +195,55 @@ def test_systems_without_enclosures_say_why() -> None:
     bounces = [Impact(lambda t, x, p: x[1] + 2.0, lambda t, x, p: (x[0], -x[1]))]
     with pytest.raises(ValueError, match="impacts and switches are not enclosed"):
         enclosed_images(of(lambda t, x, p: (x[1], -1.0), impacts=bounces), [[0.0, 0.0]], [0.1, 0.1])
+
+
+def zero(value: Any) -> Any:
+    return value * 0.0
+
+
+def no_rest(self: Any, series: Any, rest: Any, j: int) -> Any:
+    return total(list(reversed(series.states[j])))
+
+
+LEFT_OUT: dict[str, tuple[Any, str, Any]] = {
+    "the remainder of a series": (enclosing_steps.FirstOrderStep, "_summed", no_rest),
+    "errors from before a step": (
+        moving_frames.Errors,
+        "sizes",
+        lambda self, rows: [zero(self.lanes.number(self.box, k).m) for k in rows],
+    ),
+    "errors of a step": (moving_frames.Frame, "sizes", lambda self, radii: [zero(r) for r in radii]),
+    "the time that a step takes": (flow_enclosures, "widened", lambda first, *others: zero(first)),
+    "the way of the states in a step": (enclosing_steps, "a_priori_set", lambda lanes, series, start, *others: start),
+    "the size of the set": (
+        enclosing_steps.FirstOrderStep,
+        "_around",
+        lambda self, radii: (
+            [Interval(self.code, p.m, zero(r)) for p, r in zip(self.x, radii, strict=True)] + self.identity
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("what", [None, *LEFT_OUT])
+def test_every_part_of_a_step_is_needed(what: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(enclosed_periods, "_ORDERS", (2,))
+    monkeypatch.setattr(enclosed_periods, "_REMAINDER", 100.0)
+    if what is not None:
+        monkeypatch.setattr(*LEFT_OUT[what])
+    forced = what == "the time that a step takes"
+    text = f"x * x + 0.5 * y, {'cos(p.w * t)' if forced else '0.0 * t'} - 0.3 * x"
+    values = PARAMETERS | {"w": 10.0}  # a quarter of a period in each step
+    rng, centres = np.random.default_rng(0), np.random.default_rng(1).uniform(-0.5, 0.5, (32, 2))
+    halves = np.repeat([0.1, 0.01, 1e-3, 1e-4], 8)[:, None] * np.ones(2)
+    forms = enclosed_images(flow_of(text, **values), centres, halves)
+    with np.errstate(all="ignore"):
+        worst = worst_of(forms, text, centres, halves, rng, values)
+    assert worst <= 1.0 if what is None else worst > 1.0
+
+
+def test_a_solution_that_ends_within_a_step_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    runaway, centre, half = "x * x, -y + 0.0 * t", [[0.1999, 0.0]], [1e-3, 1e-3]  # ends at the time 1/x, after 5
+    assert not enclosed_images(flow_of(runaway), centre, half).proved.any()
+    monkeypatch.setattr(picard, "_is_inside", lambda a, b: a.r >= 0.0)
+    assert enclosed_images(flow_of(runaway), centre, half).proved.any()
