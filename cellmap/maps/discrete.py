@@ -5,11 +5,10 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._compiled.codegen.enclosures import CompiledEnclosure
 from .._compiled.codegen.expression import ImpureError
 from .._compiled.codegen.kernel import discrete_kernel, map_enclosure, tangent_step, traced_function, why_untraced
 from .._compiled.codegen.period import CompiledPeriod
@@ -28,6 +27,9 @@ from .parameters_as_states import swept_axes, swept_function
 from .point_map import PointMap
 from .specification import MapSpec
 from .tangent import derivatives_of, tangent_by_lanes
+
+if TYPE_CHECKING:
+    from .._compiled.codegen.enclosures import CompiledEnclosure
 
 _BOUND = 1e100
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._compiled.codegen.enclosures import CompiledEnclosure
 from .._compiled.codegen.kernel import period_enclosure
 from .._compiled.codegen.methods import METHOD_NAMES
 from .._lib.arrays import Floats
@@ -28,6 +27,9 @@ from .point_map import PointMap
 from .specification import MapSpec, no_source
 from .system import ForcedSystem
 from .tangent import NotDifferentiableError, derivatives_of, tangent_by_lanes
+
+if TYPE_CHECKING:
+    from .._compiled.codegen.enclosures import CompiledEnclosure
 
 SMALLEST_TOLERANCE = 1e-14
 LARGEST_TOLERANCE = 0.1
