@@ -39,7 +39,7 @@ WANT = {
         "sets.generalized_cell_mapping sets.find_attractors_by_subdivision sets.transfer_operator"
     ),
 }
-ROW, TOP, LEFT, WIDTH = 46, 40, 330, 960
+ROW, TOP, LEFT, WIDTH = 46, 40, 330, 1060
 STYLE = (
     ".chart text{fill:var(--pst-color-text-base,#222);font:14px sans-serif}"
     ".chart a text{fill:var(--pst-color-link,#06c);font:13px monospace}"

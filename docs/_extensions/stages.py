@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from pathlib import Path
@@ -14,9 +15,7 @@ if TYPE_CHECKING:
     from sphinx.config import Config
 
 BEGIN = time.monotonic()
-LEFT_OUT = (
-    "This build only checks the pages: what studies print and figures of pages are left out. `make docs` has all."
-)
+LEFT_OUT = "This build only checks the pages: what studies print and figures of pages are left out. <code>make docs</code> has all."
 
 
 def say(what: str) -> None:
