@@ -14,7 +14,6 @@ import json
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -138,6 +137,8 @@ def made_with_room(path: Path, arrays: int, fill: Callable[[h5py.File], None]) -
 
 def describe(file: h5py.File, format: str, schema: int) -> None:
     """Say what a file is, and what wrote it."""
+    from importlib.metadata import version  # slow to import
+
     put_text(file, "format", format)
     file.attrs["schema"] = schema
     versions = {"cellmap": __version__} | {n: version(n) for n in ("numpy", "llvmlite", "h5py")}
