@@ -23,6 +23,7 @@ from .stroboscopic import Stroboscopic
 _COARSE = 0.15  # spread relative to half-widths, beyond which second derivatives are worth their work
 _MANY = 0.25  # of a sample
 _FEW = 3  # states, up to which they are compiled
+_LARGEST = 8  # states of a flow: beyond, code takes minutes to compile
 _WIDEST = 8  # lanes of a vector
 _TOGETHER = 1024  # boxes of a task; what depends on time alone is computed once for them
 
@@ -194,6 +195,8 @@ def _enclosable(point_map: PointMap) -> Discrete | Stroboscopic:
         raise TypeError(
             f"point_map={point_map!r}: this kind of map has no enclosure; give one of discrete_map or stroboscopic_map"
         )
+    if isinstance(spec, Stroboscopic) and point_map.dimension > _LARGEST:
+        raise ValueError(f"point_map={point_map!r}: flows are enclosed for up to {_LARGEST} state variables")
     if isinstance(spec, Stroboscopic) and spec.system.functions[1:] != (None, None):
         raise ValueError(f"point_map={point_map!r}: impacts and switches are not enclosed; give a smooth system")
     return spec

@@ -30,15 +30,23 @@ def attack_maps(count: int, first: int) -> None:
         text = formula(rng, rng.choice([2, 3, 4]))
         try:
             compared, worst = attacked(text, rng, 200, (0.65, 0.75) if seed % 2 else None)
-        except (TypeError, ValueError, OverflowError) as error:
-            print(f"{seed}: {text}: {error}")
-            continue
+        except (TypeError, ValueError, OverflowError):  # no real numbers
+            compared, worst = 0, 0.0
         points, largest = points + compared, max(largest, float(worst))
         if worst > 1:
             outside += 1
             print(f"{seed}: OUTSIDE, {float(worst)}: {text}")
-    print(f"{count} maps, {points} points: {outside} maps with points outside, largest distance/bound {largest:.4f}")
-    print(f"{time.process_time() - began:.0f} s CPU")
+        if (seed - first) % 50 == 49 or seed == first + count - 1:
+            told(seed - first + 1, "maps", points, outside, largest, began)
+
+
+def told(count: int, what: str, points: int, outside: int, largest: float, began: float) -> None:
+    seconds = time.process_time() - began
+    print(
+        f"{count} {what}, {points} points, {outside} {what} with points outside, largest distance/bound {largest:.4f}, "
+        f"{seconds:.0f} s CPU",
+        flush=True,
+    )
 
 
 def attack_flows(count: int, first: int) -> None:
@@ -58,15 +66,14 @@ def attack_flows(count: int, first: int) -> None:
                 worst = worst_of(forms, text, centres, halves, rng, PARAMETERS)
                 if worst > 1.0:  # or the witness takes too few steps
                     worst = worst_of(forms, text, centres, halves, rng, PARAMETERS, 200)
-        except (TypeError, ValueError, OverflowError, ZeroDivisionError) as error:
-            print(f"{seed}: {text}: {error}")
-            continue
-        points, largest = points + 4 * int(forms.proved.sum()), max(largest, worst)
+            points, largest = points + 4 * int(forms.proved.sum()), max(largest, worst)
+        except (TypeError, ValueError, OverflowError, ZeroDivisionError):  # no real numbers
+            worst = 0.0
         if worst > 1.0:
             outside += 1
             print(f"{seed}: OUTSIDE, {worst}: {text}")
-    print(f"{count} flows, {points} points: {outside} flows with points outside, largest distance/bound {largest:.4f}")
-    print(f"{time.process_time() - began:.0f} s CPU")
+        if (seed - first) % 10 == 9 or seed == first + count - 1:
+            told(seed - first + 1, "flows", points, outside, largest, began)
 
 
 if __name__ == "__main__":

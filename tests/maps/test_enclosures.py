@@ -58,7 +58,7 @@ def distance(forms: MeanValueForms, row: Any, centre: Any, image: Callable[..., 
     """
     ratios, known = [mpmath.mpf(0)], [(mpmath.matrix(list(map(mpmath.mpf, p))), image(p)) for p in points]
 
-    def compare(value: Any, step: Any, middle: Any, radius: Any, size: Any) -> None:
+    def compare(value: Any, step: Any, middle: Any, radius: Any, size: Any, spread: Any = None) -> None:
         for i in range(len(value)):
             along, within = mpmath.mpf(0), mpmath.mpf(float(radius[i]))
             for j, s in enumerate(step):
@@ -66,11 +66,13 @@ def distance(forms: MeanValueForms, row: Any, centre: Any, image: Callable[..., 
                 along, within = along + mpmath.mpf(float(d)) * s, within + mpmath.mpf(float(r)) * abs(s)
             off = abs(value[i] - mpmath.mpf(float(middle[i])) - along)
             off = max(off - NOISE * (1 + abs(size[i])), mpmath.mpf(0))
+            if spread is not None:
+                within = min(within, mpmath.mpf(float(spread[i])))
             ratios.append(off / within if within else mpmath.mpf(2 if off else 0))
 
     c = mpmath.matrix([mpmath.mpf(float(v)) for v in centre])
     for (x, y), (x2, y2) in zip(known, [*known[1:], known[0]], strict=True):
-        compare(y, x - c, forms.images[row], forms.image_radii[row], y)
+        compare(y, x - c, forms.images[row], forms.image_radii[row], y, forms.spreads[row])
         compare(y2 - y, x2 - x, np.zeros(len(y)), np.zeros(len(y)), y)
     return max(ratios)
 

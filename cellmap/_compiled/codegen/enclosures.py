@@ -26,8 +26,10 @@ from .emit import evaluate, inputs
 from .exact_formulas import enclosable
 from .expression import Expression, in_order
 from .instructions import Instructions, Value, module_text
-from .intervals import Enclosing, Interval, products, widened
+from .intervals import Enclosing, Interval, products, smaller, widened
 from .trace import STATEFUL, Trace
+
+MOST_BENDS = 3  # states, up to which second derivatives of discrete maps are worth their work
 
 
 @dataclass(frozen=True)
@@ -98,27 +100,38 @@ def discrete_enclosure(trace: Trace, parameters: int) -> CompiledEnclosure:
 
 
 def discrete_text(trace: Trace, parameters: int, width: int) -> str:
-    """Return the text of a module with the function ``enclose`` of a discrete map."""
-    graph, rows = trace.graph, Rows.of(len(trace.states))
+    """Return the text of a module with the function ``enclose`` of a discrete map.
+
+    The derivative over a box is bounded by its own formula, and by that at the centre and second derivatives over the
+    box; the narrower one counts.
+    """
+    graph, rows, d = trace.graph, Rows.of(len(trace.states)), len(trace.states)
     one = graph.constant(1.0)
     columns = [along(graph, trace.outputs, {x: one}) for x in trace.states]
     entries = [e for row in zip(*columns, strict=True) for e in row]
+    bends = [along(graph, entries, {x: one}) for x in trace.states] if d <= MOST_BENDS else []
     lanes = Lanes(width, parameters)
-    values: list[list[Interval]] = []
     with lanes.boxes() as box:
-        half_widths = [lanes.number(box, k).m for k in rows.half_widths]
+        w = [lanes.number(box, k).m for k in rows.half_widths]
         centre = [lanes.number(box, k) for k in rows.images]
         over = [lanes.interval(box, *pair) for pair in zip(rows.images, rows.half_widths, strict=True)]
-        for outputs, x, midpoints, radii in (
-            (trace.outputs, centre, rows.images, rows.image_radii),
-            (entries, over, rows.derivatives, rows.derivative_radii),
-        ):
-            values.append(lanes.values(replace(trace, outputs=tuple(outputs)), x))
-            for value, m, r in zip(values[-1], midpoints, radii, strict=True):
-                lanes.store(value, box, m, r)
+        known = lanes.values(replace(trace, outputs=(*trace.outputs, *entries)), centre)
+        wide = lanes.values(replace(trace, outputs=(*entries, *(e for bend in bends for e in bend))), over)
+        images, near, bent = known[:d], known[d:], [wide[k : k + d * d] for k in range(d * d, len(wide), d * d)]
+        for value, m, r in zip(images, rows.images, rows.image_radii, strict=True):
+            lanes.store(value, box, m, r)
+        radii = [widened(abs(a.m - b.m), a.radius) for a, b in zip(wide, near, strict=False)]
+        moved = [widened(products([bend[e].reach for bend in bent], w), near[e].radius) for e in range(d * d) if bent]
+        radii = [smaller(a, b) for a, b in zip(moved, radii, strict=True)] if bent else radii
+        for value, radius, m, r in zip(near, radii, rows.derivatives, rows.derivative_radii, strict=True):
+            lanes.store(Interval(lanes.code, value.m, radius), box, m, r)
         for i, row in enumerate(rows.spreads):
-            off = products([e.radius for e in values[1][i * rows.d : (i + 1) * rows.d]], half_widths)
-            lanes.put(widened(off, values[0][i].radius), box, row)
+            of_row = range(i * d, (i + 1) * d)
+            spread = widened(products([radii[e] for e in of_row], w), images[i].radius)
+            if bent:
+                halves = [0.5 * products([bend[e].reach for bend in bent], w) + near[e].radius for e in of_row]
+                spread = smaller(widened(products(halves, w), images[i].radius), spread)
+            lanes.put(spread, box, row)
     return lanes.module("ptr noalias %state, i64 %count, i64 %stride, ptr noalias %p")
 
 

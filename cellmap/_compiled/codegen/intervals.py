@@ -198,6 +198,11 @@ def largest(values: Sequence[Value]) -> Value:
     return reduce(lambda a, b: where(a > b, a, where(b >= a, b, nan)), values)
 
 
+def smaller(a: Value, b: Value) -> Value:
+    """Return the smaller of two bounds, b where a is NaN; NaN where b is."""
+    return where(a < b, a, b)
+
+
 def lost(m: Value, name: str) -> Value:
     """Return a bound of the rounding error of a midpoint."""
     return fused(abs(m), ROUNDING[name], number(ROUNDING["underflow"]))
