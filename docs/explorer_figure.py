@@ -1,4 +1,4 @@
-"""Figures of the explorer: ``python docs/explorer_figure.py [screens] [thumbnails]``, screens with Chromium."""
+"""Figures of the explorer: ``python docs/explorer_figure.py [screens] [thumbnails [names]]``, screens with Chromium."""
 
 from __future__ import annotations
 
@@ -100,7 +100,10 @@ def thumbnails() -> None:
     """Draw each system of the gallery as it is shown first."""
     folder = HERE.parent / "systems" / "thumbnails"
     folder.mkdir(exist_ok=True)
+    wanted = [name for name in sys.argv[1:] if name not in ("screens", "thumbnails")]
     for entry in load_gallery("systems.gallery"):
+        if wanted and entry.name not in wanted:
+            continue
         explored = explored_of(entry)
         view = View.first(explored)
         view = replace(view, cells=tuple(THUMBNAIL for _ in view.axes), nodes=min(view.nodes, 64))
@@ -110,6 +113,12 @@ def thumbnails() -> None:
         colours = label_colours(np.unique(raster).tolist())
         pixels = np.array([to_rgb(colours[k]) for k in raster.ravel()]).reshape(*raster.shape, 3)
         pixels = np.rint(255 * pixels).astype(np.uint8)
+        points = np.concatenate([a.points for a in frame.attractors.values()] or [np.empty((0, len(view.others)))])
+        if len(view.axes) == 2:
+            lower, upper = np.array(view.lower), np.array(view.upper)
+            places = np.floor((points[:, view.axes] - lower) / (upper - lower) * THUMBNAIL).astype(int)
+            across, up = places[((places >= 0) & (places < THUMBNAIL)).all(axis=1)].T
+            pixels[THUMBNAIL - 1 - up, across] = 255
         Image.fromarray(pixels).quantize(64).save(folder / f"{entry.name}.png", optimize=True)
         print(entry.name, (folder / f"{entry.name}.png").stat().st_size, flush=True)
 

@@ -25,7 +25,7 @@ async function arrived(message) {
   const phase = message.view.phase ? [["phase of the section", message.view.phase]] : [];
   $("values").replaceChildren(...[...Object.entries(message.view.params), ...phase].flatMap(([name, value]) => [
     Object.assign(document.createElement("dt"), { textContent: symbols[name] ?? name }),
-    Object.assign(document.createElement("dd"), { textContent: [short(value), units[name]].filter(Boolean).join(" ") }),
+    Object.assign(document.createElement("dd"), { textContent: `${short(value)} ${units[name] ?? ""}`.trim() }),
   ]));
   $("state").textContent = message.complete ? "" : "preview";
   document.dispatchEvent(new CustomEvent("drawn", { detail: message }));
