@@ -14,6 +14,7 @@ from .._lib.arrays import Bools, Floats, Ints
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
+from ..maps.tangent import tangent
 from ..orbits.attractor import Attractor, Cover, Kind
 from ..orbits.invariant_circle import drift
 from ..orbits.lyapunov import stretched
@@ -23,9 +24,11 @@ from .boxes import boxes_around, boxes_of, inside_cover, moved_boxes
 from .clouds import Clouds, pieces_of, recurrent_groups
 from .creeping import creeping
 from .matching import thinned
+from .recurrence import leading_exponents
 from .settling import RESIDENCE, path_of
 from .transients import HALF, Late, Reason, follow_on
 from .trapping_boxes import is_trapped, with_trapped_boxes
+from .tube import SAMPLED
 
 EXPONENT_PERIODS = 300
 """Periods in which an orbit shows whether it is chaotic."""
@@ -39,6 +42,8 @@ _FLAT = 1e-3  # least width of all boxes together, in units of the extent: round
 _LONGEST_RETURN = 128
 _FINEST = 16  # times as many boxes along each axis where covers of two attractors hold the orbits of each other
 _KNOWN = 8192  # points of a known attractor that are compared
+_MARGIN = 0.1  # of a bounding box, at either side
+_VOLUMES = 8  # points of an orbit at which it is seen how volumes change, in more than four dimensions
 _ZERO = 0.01  # largest size of an exponent that may be zero
 MATURE = (
     256  # periods from which orbits may have come to a chaotic attractor, if a neighbourhood of it shows them there
@@ -165,8 +170,9 @@ def _distinguished(
             reasons[mine] = Reason.TRANSIENT
         else:
             groups.append(mine)
-    for mine, cover in zip(*_apart(history, groups, lower, widths, point_map), strict=True):
+    for mine, cover in zip(*_apart(history, groups, lower, widths, point_map, extent), strict=True):
         points, spectrum = history[:, mine].reshape(-1, point_map.dimension), -np.sort(-exponents[mine], axis=-1)
+        spectrum = spectrum if spectrum.shape[1] == point_map.dimension else spectrum[:, :1]
         resolved = _resolution(clouds, mine, cover)
         found.append(aperiodic(Kind.CHAOTIC, points, spectrum.mean(axis=0), point_map, cover, resolution=resolved))
     return found, reasons
@@ -195,7 +201,7 @@ def _fading(point_map: PointMap, clouds: Clouds, group: Ints, late: Late, known:
     place = clouds.place_of(pieces_of(point_map, half), group)
     rows = np.flatnonzero(place >= 0)
     if len(rows):
-        growth = lyapunov_exponents(point_map, half[rows], HALF)[0].max(axis=-1)
+        growth = _spectrum(point_map, half[rows], np.ones(point_map.dimension), HALF)[0].max(axis=-1)
         rows = rows[growth > 0.0]  # others are on their way to an attractor beside the sample
     return np.unique(place[rows])
 
@@ -214,13 +220,14 @@ def tested(point_map: PointMap, points: Floats, extent: Floats, periods: int) ->
     those of one that creeps to rest.
     """
     back, creeps = _returns(point_map, points, extent), creeping(point_map, points, extent).found
-    exponents, errors = np.full(points.shape, np.nan), np.full(len(points), np.nan)
+    exponents = np.full((len(points), min(points.shape[1], SAMPLED)), np.nan)
+    errors, rates = np.full(len(points), np.nan), np.full(len(points), np.nan)
     moving = ~back & ~creeps
     if moving.any():
-        exponents[moving], errors[moving] = lyapunov_exponents(point_map, points[moving], periods)
+        exponents[moving], errors[moving], rates[moving] = _spectrum(point_map, points[moving], extent, periods)
     with np.errstate(invalid="ignore"):
         chaotic = is_positive(exponents.max(axis=-1), errors)
-        shrinking = np.abs(exponents.sum(axis=-1)) > 1e-6
+        shrinking = np.abs(rates) > 1e-6
         zeros = (np.abs(exponents) <= _ZERO).sum(axis=-1)
     reasons = np.full(len(points), Reason.REGULAR, object)
     reasons[zeros >= _TOO_MANY] = Reason.TORUS
@@ -238,6 +245,26 @@ def _returns(point_map: PointMap, states: Floats, extent: Floats) -> Bools:
     path = path_of(point_map, Orbits.starting(states.copy()), _LONGEST_RETURN)
     apart = np.abs(difference(path, states, point_map.coordinates))
     return np.asarray((apart <= 1e-7 * resolution(states, extent)).all(axis=-1).any(axis=0))
+
+
+def _spectrum(point_map: PointMap, points: Floats, extent: Floats, periods: int) -> tuple[Floats, Floats, Floats]:
+    """Return exponents per step (n, k) along orbits, standard errors (n,) of the largest, and rates (n,) of volumes.
+
+    In more than four dimensions these are the largest four, from orbits beside others, and the rates are those at a few
+    points: all of them would cost as much as hundreds of orbits.
+    """
+    exact = point_map.without_table
+    if exact.dimension <= SAMPLED:
+        exponents, errors = lyapunov_exponents(exact, points, periods)
+        return exponents, errors, exponents.sum(axis=-1)
+    exponents, errors = leading_exponents(exact, wrap(points, exact.coordinates), extent, periods)
+    rates, here = np.zeros(len(points)), Orbits.starting(wrap(points, exact.coordinates))
+    for _ in range(_VOLUMES):
+        places = np.where(here.alive[:, None], here.points, 0.0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            rates += np.linalg.slogdet(tangent(exact, places, coarse=True)[1])[1] / _VOLUMES
+        exact.advance(here, 1)
+    return exponents, errors, rates
 
 
 def lyapunov_exponents(point_map: PointMap, initial_conditions: Floats, periods: int) -> tuple[Floats, Floats]:
@@ -268,18 +295,32 @@ def lattice(points: Floats, point_map: PointMap, extent: Floats) -> tuple[Floats
     return lower, span / BOXES
 
 
+def _few_axes(
+    points: Floats, lower: Floats, widths: Floats, point_map: PointMap, extent: Floats
+) -> tuple[Floats, Floats, Bools]:
+    """Return corner and sides of boxes that reach across all points, but along at most four axes, and which these are.
+
+    They are the axes along which the points are most spread.  Along the others boxes have a margin, and no neighbours,
+    of which there would be 3^d.
+    """
+    turn, cut = turns_of(point_map.coordinates)[1], np.zeros(len(widths), bool)
+    cut[np.argsort(-np.ptp(points, axis=0) / extent, kind="stable")[:SAMPLED]] = True
+    margin = np.where(turn > 0, 0.0, _MARGIN * BOXES * widths)
+    return np.where(cut, lower, lower - margin), np.where(cut, widths, BOXES * widths + 2.0 * margin), cut
+
+
 def _apart(
-    history: Floats, groups: Sequence[Ints], lower: Floats, widths: Floats, point_map: PointMap
+    history: Floats, groups: Sequence[Ints], lower: Floats, widths: Floats, point_map: PointMap, extent: Floats
 ) -> tuple[list[Ints], list[Cover]]:
     """Return groups of orbits with covers so fine that none stays for long in that of another group.
 
     Groups that no boxes keep apart are one.
     """
     groups, fineness = list(groups), 1
+    lower, widths, cut = _few_axes(history.reshape(-1, point_map.dimension), lower, widths, point_map, extent)
     while True:
-        covers = [
-            _cover(history[:, g].reshape(-1, point_map.dimension), lower, widths / fineness, point_map) for g in groups
-        ]
+        finer = np.where(cut, widths / fineness, widths)
+        covers = [_cover(history[:, g].reshape(-1, point_map.dimension), lower, finer, cut, point_map) for g in groups]
         pairs = [
             (j, k) for j, k in itertools.permutations(range(len(groups)), 2)
             if _longest_stay(history[:, groups[j]], covers[k], point_map) > RESIDENCE // 2
@@ -305,9 +346,9 @@ def _longest_stay(history: Floats, cover: Cover, point_map: PointMap) -> int:
     return int(longest.max())
 
 
-def _cover(points: Floats, lower: Floats, widths: Floats, point_map: PointMap) -> Cover:
-    """Boxes of the points and all their neighbours."""
+def _cover(points: Floats, lower: Floats, widths: Floats, cut: Bools, point_map: PointMap) -> Cover:
+    """Boxes of the points and all their neighbours along the axes that are cut."""
     visited = np.unique(boxes_of(points, lower, widths, point_map), axis=0)
-    shifts = np.array(list(itertools.product((-1, 0, 1), repeat=visited.shape[1])))
+    shifts = np.array(list(itertools.product(*[(-1, 0, 1) if c else (0,) for c in cut])))
     around = boxes_around(widths, turns_of(point_map.coordinates)[1])
     return Cover(lower, widths, moved_boxes(visited, shifts, around))

@@ -15,6 +15,7 @@ from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..maps.side_by_side import advance_on_threads
 from ..orbits.attractor import Attractor, Kind
+from .recurrence import averaged_owners
 from .settling import Catalogue, Settled, settle
 
 _PERIODS = 16  # the ways of as many are compared with those of as many that follow
@@ -150,8 +151,13 @@ def _straight_on(
 
 
 def settled_at_last(point_map: PointMap, attractors: Sequence[Attractor], age: int, settled: Settled) -> Settled:
-    """Return what has become of orbits that are `age` periods old: those that creep to a continuum settle there."""
+    """Return what has become of orbits that are `age` periods old: those that creep to a continuum settle there.
+
+    So do those that have the averages of an attractor that was found by recurrence.
+    """
     rows, owners = settled.undecided, drawn_to(point_map, settled.orbits.points, attractors)
+    left = np.flatnonzero((owners < 0) & settled.orbits.alive)
+    owners[left] = averaged_owners(point_map, settled.orbits.points[left], attractors)
     labels, times = settled.labels.copy(), settled.times.copy()
     labels[rows] = np.where(owners >= 0, owners, labels[rows])
     times[rows] = np.where(owners >= 0, age, times[rows])

@@ -11,6 +11,7 @@ from .._lib.arrays import Bools, Floats, Ints
 from ..maps.coordinates import Coordinate, difference
 from ..maps.point_map import PointMap
 from ..orbits.newton import newton, resolution, return_distances
+from .recurrence import CLOSED
 from .trapping import extent_of_motion
 from .tube import SAMPLED
 
@@ -21,13 +22,13 @@ _REPRESENTATIVES = 8  # end points that are refined at a time because they lie f
 _SETTLING = 16  # ends that come back closest, among which as many are chosen
 _RETURNS = 4  # likely periods tried for each of them, besides 1,
 _SLOW = 1e-3  # unless it moves by less than this part of the extent in a period, and ever farther
-_IMAGES = 1800  # of the map, for each state where orbits begin, that regions of attractors may take,
+_IMAGES = 1500  # of the map, for each state where orbits begin, that a search may take besides following them,
 _AT_LEAST = 200_000  # and for all of few states
 _RETURNED = 0.2  # if they bring it back to within this part of the extent, or where derivatives cost more than periods,
 _CLOSE = 1e-3  # within this one
-_CLOSED = 1e-6  # part of the extent within which an orbit has closed by itself,
-_SAME = 1e-4  # and in which ends are on one orbit
+_SAME = 1e-4  # part of the extent in which ends that have closed are on one orbit
 _ATTRACTORS = 2**32  # more than there are
+_REFINING = 4  # derivatives, a direction like an image, that take an end to the multipliers of its orbit
 _CYCLES = 16  # closed orbits of more than one period that are refined at a time
 
 
@@ -39,7 +40,7 @@ class Examined:
     and of looks for curves, by the sum of the states and a negative number;
     ``distances``: how close the ends of the last look have come back to themselves, by their bits; ``lines``: points of
     segments of periodic points that do not attract; ``begun``: where orbits began; ``images``: images of the map that
-    regions of attractors may still take in more than four dimensions.
+    Newton's method, regions of attractors and looks for curves may still take in more than four dimensions.
     """
 
     coordinates: tuple[Coordinate, ...]
@@ -85,6 +86,12 @@ class Examined:
     def refuse(self, points: Floats) -> None:
         """Remember the points of an orbit that is no attractor."""
         self.points = np.concatenate([self.points, points])
+
+    def may_refine(self, guesses: Floats, periods: Ints) -> bool:
+        """Tell whether Newton's method can be afforded for guesses (n, d), which it is in few dimensions."""
+        d = guesses.shape[1]
+        new = [(guess.tobytes(), int(q)) not in self.ends for guess, q in zip(guesses, periods, strict=True)]
+        return d <= SAMPLED or self.afford(_REFINING * d * int(periods[new].sum()))
 
     def refined(self, point_map: PointMap, guesses: Floats, periods: Ints) -> tuple[Floats, Bools]:
         """Refine guesses by Newton's method, each once in a search; return solutions and which guesses led to one."""
@@ -142,7 +149,7 @@ def guesses_of(
 
 def _closed(ends: Floats, distance: Floats, extent: Floats) -> Iterator[tuple[Floats, Ints]]:
     """Yield ends (n, d) whose orbits have closed, one for each place, with their periods: fixed points first."""
-    closed = distance <= _CLOSED
+    closed = distance <= CLOSED
     periods = np.where(closed.any(axis=0), 1 + np.argmax(closed, axis=0), 0)
     places = np.round(ends / (_SAME * extent))
     for fixed in (True, False):

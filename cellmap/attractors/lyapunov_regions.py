@@ -14,16 +14,19 @@ from ..orbits.ellipsoids import directions, displaced, lyapunov_forms, products
 Afford = Callable[[int], bool]
 """Tells whether some images of the map can be afforded, which are taken then."""
 
+
 _SAFETY = 2.0  # times the nonlinear remainder that is seen has to fit into the contraction margin
 _WORST = 8  # directions whose sums and differences are looked at as well
 _CONTRACTING, _MOST = 0.7, 64  # largest factor of as many steps as are taken together, at most
 _ATTEMPTS = 16  # radii that are tried
-_USUAL = 3  # times as many images as a whole surface takes
+_GUESSED = 0.5  # part of the margin on directions that are not known to be the worst ones
+_USUAL = 2  # times as many images as a whole surface takes
 _RANDOM = 16  # directions at random, at most
 _WATCHED = 32  # directions in which a radius is sought, before it is tested in all of them
 _RETURNING = 64  # periods after which orbits have to come back into a region that is not verified, at least,
 _RETURNED = (0.1, 0.01, 1e-3, 1e-4, 1e-5)  # radii of such a region,
 _BEGINNING = 16  # and orbits that begin on its surface around each point
+_LINEAR = 1e-4  # radius on which nothing is looked at
 _SMALLEST = 1e-10  # radius, in units of the limits
 _ROUNDED = 1e-4  # radius below which a remainder that rises is rounding; above it is that of orbits that go elsewhere
 _LARGE = 0.25  # part of the margin from which smaller surfaces are looked at
@@ -49,8 +52,8 @@ def lyapunov_neighbourhood(
     remainder of the one before, and sought in 32 directions, so that all this takes some two images for each direction.
 
     Where none is found, as where the largest multiplier is too close to 1, or where one cannot `afford` the images, the
-    ellipsoids are those from whose surfaces orbits are seen to come back, and their `contraction` is 1.
-    None where even those leave.
+    ellipsoids are those from whose surfaces orbits are seen to come back, or small ones where one cannot afford to see
+    that either, and their `contraction` is 1.  None where orbits from the smallest leave.
 
     References
     ----------
@@ -61,24 +64,24 @@ def lyapunov_neighbourhood(
     rate = float((0.5 * (1.0 + factor)) ** (1.0 / attractor.period))
     surfaces = _Surfaces(exact, attractor.points, scaled, number, rate, limit)
     if not afford(_USUAL * number * surfaces.offsets[..., 0].size):
-        return surfaces.recurrent()
-    radius, before = 1.0, np.inf
+        return surfaces.recurrent(afford)
+    radius, before, wanted = 1.0, np.inf, _GUESSED
     for _ in range(_ATTEMPTS):
         part = surfaces.part_of_margin(radius)
-        if part <= 1.0:
-            part = surfaces.part_of_margin(radius, whole=True)
-        if part <= 1.0:
+        if part <= wanted:
+            part, wanted = surfaces.part_of_margin(radius, whole=True), 1.0
+        if part <= 1.0 and wanted == 1.0:
             within = _smallest_failing(surfaces, radius, part)
             if not within:
                 return surfaces.neighbourhood(radius, part)
             radius = within
         elif before < part < np.inf and radius < _ROUNDED:
             break
-        radius *= float(np.clip(0.8 / part, 1.0 / 16.0, 0.5))
+        radius *= float(np.clip(0.8 * wanted / part, 1.0 / 16.0, 0.5))
         before = part
         if radius < _SMALLEST:
             break
-    return surfaces.recurrent()
+    return surfaces.recurrent(afford)
 
 
 def _together(attractor: Attractor) -> tuple[int, float]:
@@ -135,13 +138,14 @@ class _Surfaces:
         """Return the nonlinear remainder on surfaces of a radius, times what makes it safe, in contraction margins.
 
         It is inf where a point has no image.  Unless the `whole` surface is looked at, it is seen in those directions
-        that were the worst ones on the last that was.
+        alone that were the worst ones on the last that was.
         """
         offsets = self.offsets if whole else self.watched
         rest = self._remainders(offsets, radius)
+        if not whole:
+            return float((_SAFETY * rest.max(axis=1) / self.margin).max())
         worst = np.argsort(-rest, axis=1)[:, :_WATCHED]
-        if whole:
-            self.watched = np.take_along_axis(offsets, worst[..., None], axis=1)
+        self.watched = np.take_along_axis(offsets, worst[..., None], axis=1)
         chosen = np.take_along_axis(offsets, worst[:, :_WORST, None], axis=1)
         first, second = np.triu_indices(chosen.shape[1], 1)
         sums = np.concatenate([chosen[:, first] + chosen[:, second], chosen[:, first] - chosen[:, second]], axis=1)
@@ -159,12 +163,18 @@ class _Surfaces:
         sizes = self._norm(rest, self.later) / radius
         return np.where(alive & np.isfinite(sizes), sizes, np.inf)
 
-    def recurrent(self) -> Neighbourhood | None:
-        """Return ellipsoids into which orbits come back from the farthest points along some coordinates."""
+    def recurrent(self, afford: Afford) -> Neighbourhood | None:
+        """Return ellipsoids into which orbits come back from the farthest points along some coordinates.
+
+        Where one cannot `afford` to see that, they are small enough for the linear map.
+        """
         n, d = self.points.shape
         farthest = self.offsets[:, np.linspace(d, 2 * d - 1, min(_BEGINNING, d)).astype(int)]
         periods = np.full(n, -(-_RETURNING // n) * n)
         for radius in _RETURNED:
+            if not afford(int(periods.sum()) * farthest.shape[1]):
+                radius = _LINEAR
+                return Neighbourhood(self.points, self.forms / radius**2 / np.outer(self.limit, self.limit), 1.0)
             shifts = radius * farthest * self.limit
             after, alive = displaced(self.exact, self.points, shifts, periods)
             if alive.all() and (self._norm(after / self.limit, self.forms) <= radius).all():

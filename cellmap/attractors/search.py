@@ -29,6 +29,7 @@ from .lyapunov_regions import Afford, always
 from .quasiperiodic import long_cycle, quasiperiodic_attractors
 from .quotients import quotient_of
 from .residence import with_full_residence
+from .recurrence import closed_attractors
 from .settling import Catalogue, settle, settle_on_threads
 from .transients import REMEDIES, Late, Reason, UnsettledWarning, regular
 from .trapping import still_trapping, trapping_neighbourhood
@@ -301,18 +302,29 @@ def new_attractors(
     examined: Examined,
 ) -> list[Attractor]:
     """Refine some end points of orbits; return the attractors not known yet, each with its trapping neighbourhood."""
+    catalogue = Catalogue.of(known, point_map)
+
+    def before(points: Floats) -> bool:
+        return _belong(points, known, point_map, catalogue)
+
     for guesses, periods in guesses_of(point_map, states, longest_period, extent, examined):
         found: list[Attractor] = []
+        if not examined.may_refine(guesses, periods):
+            return closed_attractors(point_map.without_table, guesses, periods, known, extent)
         solutions, settled = examined.refined(point_map, guesses, periods)
         for i in sorted(np.flatnonzero(settled), key=lambda i: periods[i]):
             # A periodic point inside a verified neighbourhood is the attractor that this belongs to.
-            if _belong(solutions[i : i + 1], [*known, *found], point_map) or solutions[i] in examined:
+            if (
+                before(solutions[i : i + 1])
+                or _belong(solutions[i : i + 1], found, point_map)
+                or solutions[i] in examined
+            ):
                 continue
             orbit = stable_orbit(point_map, solutions[i], int(periods[i]), extent)
             if orbit is None:
                 examined.refuse(solutions[i : i + 1])
             # Where the neighbourhood is narrower than the error of the solution, another point of the orbit may be in.
-            elif _belong(orbit.points, [*known, *found], point_map):
+            elif before(orbit.points) or _belong(orbit.points, found, point_map):
                 examined.refuse(orbit.points)
             else:
                 found += _verified(point_map, orbit, examined)
@@ -321,10 +333,16 @@ def new_attractors(
     return []
 
 
-def _belong(points: Floats, known: Sequence[Attractor], point_map: PointMap) -> bool:
-    """Tell whether any of some points of an orbit is in the trapping region of an attractor: then it is on that one."""
+def _belong(
+    points: Floats, known: Sequence[Attractor], point_map: PointMap, catalogue: Catalogue | None = None
+) -> bool:
+    """Tell whether any of some points of an orbit is in the trapping region of an attractor: then it is on that one.
+
+    The catalogue of the attractors may be given.
+    """
+    catalogue = Catalogue.of(known, point_map) if catalogue is None else catalogue
     tubes = [a.cover for a in known if a.kind is Kind.QUASIPERIODIC and a.cover is not None]
-    return bool((Catalogue.of(known, point_map).owners_of(points) >= 0).any()) or any(
+    return bool((catalogue.owners_of(points) >= 0).any()) or any(
         inside_cover(tube, points, point_map).any() for tube in tubes
     )
 

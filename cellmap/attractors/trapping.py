@@ -87,7 +87,7 @@ def trapping_neighbourhood(
     limit, rounds = _limit(exact, attractor, extent), _rounds(attractor)
     periods = rounds * attractor.period
     contraction = 0.5 * (1.0 + float(np.abs(attractor.multipliers[0])) ** rounds)
-    steps = tangent(exact, attractor.points)[1]
+    steps = tangent(exact, attractor.points, coarse=exact.dimension > SAMPLED)[1]
     if exact.dimension > SAMPLED:
         return lyapunov_neighbourhood(exact, attractor, steps, limit, afford)
     slow = _slowest(steps)

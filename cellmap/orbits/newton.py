@@ -191,9 +191,19 @@ class _Derivatives:
         if near.any():  # one direction is enough
             images[near] = tangent(self.exact, places[near], periods[near], 1)[0]
         if not near.all():
-            images[~near], self.matrices[rows[~near]] = tangent(self.exact, places[~near], periods[~near], self.d)
+            images[~near], self.matrices[rows[~near]] = _thrifty(self.exact, places[~near], periods[~near], self.d)
             self.points[rows[~near]] = points[~near]
         return images, self.matrices[rows]
+
+
+def _thrifty(exact: PointMap, places: Floats, periods: int | Ints, d: int) -> tuple[Floats, Floats]:
+    """Return unwrapped images (n, d + m) and derivatives (n, d, d), in many dimensions to the tolerance of the map.
+
+    Images have that of Newton's method, for which a vector costs several of the map's own.
+    """
+    if d <= _FEW or exact.coarse_tangent is None or d < exact.dimension:
+        return tangent(exact, places, periods, d)
+    return tangent(exact, places, periods, 1)[0], tangent(exact, places, periods, coarse=True)[1]
 
 
 def _largest_multiplier(matrices: Floats) -> Floats:
@@ -232,7 +242,7 @@ def followed(exact: PointMap, points: Floats, periods: Ints, d: int) -> tuple[Fl
     here = points
     for k in range(most):
         orbit[:, k] = here
-        images, matrices[:, k] = tangent(exact, here, 1, d)
+        images, matrices[:, k] = _thrifty(exact, here, 1, d)
         moved += (images - here)[:, :d]
         rounds = np.where(turn > 0.0, moved / np.where(turn > 0.0, turn, 1.0), 0.0)
         rotations[:, k] = np.round(np.where(np.isfinite(rounds), rounds, 0.0))

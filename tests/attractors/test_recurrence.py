@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cellmap import angle, discrete_map, find_attractors, find_basins, load_basins, save_basins
-from cellmap.attractors.recurrence import _exponents, recurrent_attractors
+from cellmap.attractors.recurrence import leading_exponents, recurrent_attractors
 from cellmap.attractors.settling import Catalogue
 from cellmap.attractors.trapping import trapping_neighbourhood
 
@@ -96,7 +96,8 @@ def test_chaos_is_not_taken_for_quasi_periodic():
     start = np.random.default_rng(2).uniform(-0.1, 0.1, (8, 6))
     assert recurrent_attractors(henon, start, np.ones(6), 100, []) == ([], [])
     # The exponents of the Hénon map are 0.419 and -1.62 (Sprott, Chaos and Time-Series Analysis (2003)).
-    assert _exponents(henon, np.zeros(6), np.ones(6))[0] == pytest.approx(0.419, abs=0.05)
+    exponents, errors = leading_exponents(henon, np.zeros((1, 6)), np.ones(6), 2000)
+    assert exponents[0, 0] == pytest.approx(0.419, abs=3 * errors[0])
 
 
 def test_what_cannot_be_afforded_is_not_verified(circles):
@@ -108,3 +109,21 @@ def test_what_cannot_be_afforded_is_not_verified(circles):
     region = trapping_neighbourhood(wells, origin, np.ones(6), lambda images: False)
     assert origin.verified and not replace(origin, neighbourhood=region).verified
     assert recurrent_attractors(circles, np.ones((3, 6)), np.ones(6), 10, [], lambda images: False) == ([], [])
+
+
+def test_chaos_in_many_dimensions_has_few_boxes_and_the_exponent_of_its_map():
+    """Two mirror images of the Hénon map about u = +-1, the first coordinates of twelve."""
+
+    def step(x, p):
+        y, z, u = x[0], x[1], x[2]
+        side = u + 0.3 * (u - u * u * u)
+        return 1.0 - 1.4 * y * y + z, 0.3 * y, side, *(0.5 * v + 0.1 * w for v, w in zip(x[3:], x[:9], strict=True))
+
+    pair = discrete_map(step, {}, tuple(f"x{i}" for i in range(12)))
+    start = np.random.default_rng(4).uniform(-0.1, 0.1, (60, 12))
+    basins = find_basins(pair, start, max_periods=300)
+    assert [str(a.kind) for a in basins.attractors] == ["chaotic"] * 2
+    for a in basins.attractors:
+        assert a.exponents[0] == pytest.approx(0.419, abs=0.01)
+        assert len(a.cover.boxes) < 1e5
+    assert np.array_equal(basins.labels == basins.labels[start[:, 2] > 0][0], start[:, 2] > 0)
