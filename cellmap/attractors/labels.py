@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,6 +38,14 @@ LABELS_OF = np.full(max(Status) + 1, Label.UNDECIDED, np.int64)
 """Labels of orbits that have come to no attractor, by their status."""
 for _name in ("ESCAPED", "DIVERGED", "NO_RETURN", "OUT_OF_STEPS"):
     LABELS_OF[Status[_name]] = Label[_name]
+
+
+_MOST = int(np.iinfo(np.int16).max)
+
+
+def label_type(attractors: int) -> Any:
+    """Return the type of arrays of labels of a number of attractors: int16, or int32 for more than 32,767."""
+    return np.int16 if attractors <= _MOST else np.int32
 
 
 def label_of(status: ArrayLike) -> Ints:

@@ -21,7 +21,7 @@ from .lyapunov_regions import Afford, always
 from .quotients import quotient_by
 from .settling import Catalogue
 
-_ORBITS = 64  # followed in one look
+_ORBITS = 32  # followed in one look
 _PERIODS = 512  # that are recorded
 _AT_ONCE = 64  # periods between looks whether the end was asked for
 _REGULAR = 1e-2  # difference of the averages of both halves, in units of an orbit's size, of one that is regular
@@ -33,7 +33,7 @@ _SECTORS = 12  # of an angle that makes full rotations
 _SPREAD = 0.5  # length of the mean of points on the unit circle below which they are spread all over it
 _TIGHT = 1.2  # and how much larger they may be than those of other numbers of pieces
 _LOOSE = 1.1  # factor by which a region is larger than the points seen
-_BESIDE = 8  # orbits that begin in a region
+_BESIDE = 4  # orbits that begin in a region
 _AVERAGED, _RETURNING = 256, 128  # periods over which their averages are taken, twice, and those between
 _CLOSER = 0.5  # factor by which averages have to come closer meanwhile where an attractor attracts slowly
 _FRAME = 4  # directions in which growth is seen
@@ -94,11 +94,11 @@ def recurrent_attractors(
 ) -> tuple[list[Attractor], list[tuple[Floats, int]]]:
     """Return the quasi-periodic attractors on which orbits of some age are, and cycles that they are on instead.
 
-    Up to 64 orbits are followed for as long again, and for 512 periods more.  One whose time averages over both halves
+    Up to 32 orbits are followed for as long again, and for 512 periods more.  One whose time averages over both halves
     of these are the same is regular; those with the same averages are on one attractor.  It is quasi-periodic where its
     largest Lyapunov exponent is zero within 0.01 and one of the next ones is negative, as seen from orbits beside it
     (Benettin, Galgani, Strelcyn 1976).  Its region are ellipsoids of its pieces, or of sectors of an angle that makes
-    full rotations.  Eight orbits that begin at the surface of the region must have the same averages in the end, or
+    full rotations.  Four orbits that begin at the surface of the region must have the same averages in the end, or
     come closer to them; else it becomes narrower.  Where one cannot `afford` these, the region is the narrowest.
 
     The region is not a trapping region: nothing verifies that no orbit leaves it, and its `contraction` is 1.  All this
@@ -348,9 +348,11 @@ def leading_exponents(
     """
     n, d = states.shape
     number = min(_FRAME, d)
+    if not n:
+        return np.empty((0, number)), np.empty(0)
     frames = np.tile(np.linalg.qr(np.random.default_rng(0).standard_normal((d, number)))[0], (n, 1, 1))
     here, growth, lost = states.copy(), np.zeros((periods, n, number)), np.zeros(n, bool)
-    for step in range(periods if n else 0):
+    for step in range(periods):
         if step % _AT_ONCE == 0:
             check_stop()
         beside = here[:, None] + _APART * frames.transpose(0, 2, 1) * extent

@@ -22,14 +22,12 @@ from ..maps.orbit_batch import CHUNK, NOTHING, PERIODS_AT_ONCE, Orbits, Status, 
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Cover
 from .boxes import box_keys, boxes_around
-from .labels import LABELS_OF, Label
+from .labels import LABELS_OF, Label, label_type
 from .quotients import Quotient, quotient_by
 from .sieves import sieve_of
 
 RESIDENCE = 64
 """Consecutive periods inside the cover of a chaotic attractor after which an orbit counts as converged, at most."""
-
-MOST_ATTRACTORS = int(np.iinfo(np.int16).max)
 
 _PART = 128  # orbits of a thread at a time, where few are followed
 _UNSEEN = 64  # most periods at a time where nothing can capture an orbit
@@ -54,18 +52,7 @@ class Catalogue:
 
     @classmethod
     def of(cls, attractors: Sequence[Attractor], point_map: PointMap) -> Catalogue:
-        """Collect the neighbourhoods and covers of attractors.
-
-        Raises
-        ------
-        ValueError
-            For more attractors than labels can distinguish.
-        """
-        if len(attractors) > MOST_ATTRACTORS:
-            raise ValueError(
-                f"attractors: {len(attractors):,} are more than the {MOST_ATTRACTORS:,} that labels of 16 bits "
-                "distinguish; take fewer initial conditions, or groups of alike orbits by classify_by_features"
-            )
+        """Collect the neighbourhoods and covers of attractors."""
         if (quotient := quotient_by(point_map, attractors)) is not None:
             inner = cls.of([quotient.lowered(a) for a in attractors], quotient.point_map)
             return replace(inner, attractors=tuple(attractors), quotient=quotient)
@@ -241,7 +228,7 @@ def classify(
     decide orbits that are left in another way.
     """
     parts = slices(len(points), size)
-    labels: NDArray[Any] = np.empty(len(points), np.int16 if rule is None else np.int64)
+    labels: NDArray[Any] = np.empty(len(points), label_type(len(catalogue.attractors)) if rule is None else np.int64)
     times = np.empty(len(points), np.int32)
     tallies = np.zeros((len(parts), len(NOTHING)), np.int64)
 
@@ -324,7 +311,9 @@ def _labelled(
     made = work.evaluations - past.evaluations, work.look_ups - past.look_ups
     tally = Tally(int(counts[labelling.PERIODS]), int(counts[labelling.MISSED]), *made)
     left = np.flatnonzero(outcome.labels == Label.UNDECIDED)
-    labels: NDArray[Any] = outcome.labels if rule is not None else outcome.labels.astype(np.int16)
+    labels: NDArray[Any] = outcome.labels
+    if rule is None:
+        labels = labels.astype(label_type(len(catalogue.attractors)))
     stays = outcome.stays.max(axis=1, initial=0)
     return Settled(labels, outcome.times, tally, orbits[left], stays), outcome.since, outcome.before
 

@@ -20,7 +20,7 @@ from .._lib.checks import claim_disk, claim_memory
 from .._lib.sealed import array_of, get_number, get_numbers, group_of, within
 from .._lib.threads import run_over, slices
 from ..attractors.examined import Examined
-from ..attractors.labels import LABEL_NAMES
+from ..attractors.labels import LABEL_NAMES, label_type
 from ..attractors.settling import Settled
 from ..maps.orbit_batch import Tally
 from ..maps.point_map import PointMap
@@ -145,7 +145,7 @@ class OnDisk(LabelStore):
 
             def copy(part: slice) -> None:
                 mine = self.labels[part]
-                labels[part] = np.take(numbers, mine - min(LABEL_NAMES)) if changes else mine
+                labels[part] = np.take(numbers, mine.astype(np.int64) - min(LABEL_NAMES)) if changes else mine
                 times[part] = self.times[part]
                 self.release()
                 file.release()
@@ -165,7 +165,8 @@ class OnDisk(LabelStore):
     def _arrays(self, now: Progress) -> Arrays:
         """Arrays of the file of a sweep."""
         labels, times, tiles = (self.total,), (self.total,), (len(now.parts),)
-        return {"labels": (labels, np.int16), "settling_time": (times, np.int32), "tiles": (tiles, TILE)}
+        kind = label_type(len(now.attractors))
+        return {"labels": (labels, kind), "settling_time": (times, np.int32), "tiles": (tiles, TILE)}
 
     def _use(self, file: Checkpoint) -> None:
         self._file = file
@@ -185,9 +186,8 @@ class OnDisk(LabelStore):
         codes = []
         for part in slices(self.total, BLOCK):
             others = ~now.rows.inside(part)
-            codes.append(
-                zlib.crc32(self.times[part][others].tobytes(), zlib.crc32(self.labels[part][others].tobytes()))
-            )
+            labels = self.labels[part][others].astype(label_type(len(now.attractors)))
+            codes.append(zlib.crc32(self.times[part][others].tobytes(), zlib.crc32(labels.tobytes())))
             self.release()
         return codes
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .._lib.arrays import Bools, Ints
 from .._lib.threads import slices
 from ..attractors.examined import Examined
-from ..attractors.labels import LABEL_NAMES, Label
+from ..attractors.labels import LABEL_NAMES, Label, label_type
 from ..attractors.settling import Settled
 from ..maps.orbit_batch import NOTHING
 from .initial_conditions import BLOCK, Rows
@@ -108,6 +108,8 @@ class InMemory(LabelStore):
 
     def begin(self, now: Progress) -> None:
         """Make ready for the tiles of a sweep."""
+        if (kind := label_type(len(now.attractors))) is not self.labels.dtype.type:
+            self.labels = self.labels.astype(kind)
         self.tallies = np.zeros((len(now.parts), len(NOTHING)), np.int64)
 
     def unfinished(self, now: Progress) -> list[int]:
@@ -129,7 +131,9 @@ class InMemory(LabelStore):
 
     def finish(self, basins: Basins, numbers: NDArray[np.int16]) -> Basins:
         """Return basins with labels of their final numbers."""
-        if (numbers != np.arange(len(numbers)) + min(LABEL_NAMES)).any():
+        if numbers.dtype != self.labels.dtype:
+            self.labels = numbers[self.labels.astype(np.int64) - min(LABEL_NAMES)]
+        elif (numbers != np.arange(len(numbers)) + min(LABEL_NAMES)).any():
             for part in slices(self.total, BLOCK):
                 self.labels[part] = numbers[self.labels[part] - min(LABEL_NAMES)]
         labels, times = self.labels.reshape(self.shape), self.times.reshape(self.shape)

@@ -52,7 +52,7 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
 
     Parameters
     ----------
-    labels : ndarray of int16
+    labels : ndarray of int16, or of int32 for more than 32,767 attractors
         For each initial condition the number of its attractor, or -1 (escaped), -2 (diverged), -3 (undecided), -4 (did
         not return to the section), -5 (unlabelled: the call ended before), -6 (out of steps); shape of the
         grid, or of the initial conditions without their last axis.

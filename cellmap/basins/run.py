@@ -21,7 +21,7 @@ from .._lib.tiles import completed
 from ..attractors.chaos import examine
 from ..attractors.continua import joined_continua
 from ..attractors.examined import Examined
-from ..attractors.labels import LABEL_NAMES, Label
+from ..attractors.labels import LABEL_NAMES, Label, label_type
 from ..attractors.quotients import Quotient, quotient_of
 from ..attractors.residence import OBSERVED, unobserved, with_full_residence, with_residence
 from ..attractors.search import region_extent, search, sort_out
@@ -377,7 +377,7 @@ def new_numbers(used: Sequence[int], joined: Ints) -> NDArray[np.int16]:
     """
     places = {k: place for place, k in enumerate(used)}
     numbers = [places.get(k, min(LABEL_NAMES)) for k in joined.tolist()]
-    return np.array([*range(min(LABEL_NAMES), 0), *numbers], np.int16)
+    return np.array([*range(min(LABEL_NAMES), 0), *numbers], label_type(len(used)))
 
 
 def _joined_tiles(groups: Sequence[Sequence[StridedTile]]) -> tuple[StridedTile, ...]:

@@ -50,7 +50,7 @@ from .._lib.sealed import (
     write_sealed,
 )
 from .._lib.signatures import checked
-from ..attractors.labels import LABEL_NAMES
+from ..attractors.labels import LABEL_NAMES, label_type
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
@@ -166,9 +166,10 @@ def basins_file(
         _describe(group.file)
 
     with written_whole(path, kind=PART) as temporary:
-        with made_with_room(temporary, 6 * math.prod(shape), lambda file: None) as file:
+        kind = label_type(len(basins.attractors))
+        with made_with_room(temporary, (4 + kind().itemsize) * math.prod(shape), lambda file: None) as file:
             group = file.create_group(_ONLY)
-            add_unwritten(group, "labels", shape, np.int16)
+            add_unwritten(group, "labels", shape, kind)
             add_unwritten(group, "settling_time", shape, np.int32)
         reserve(temporary)
         arrays = Checkpoint(temporary)
@@ -333,7 +334,7 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
         raise ValueError("it has no initial conditions, or two kinds of them")
     attractors = read_attractors(group_of(file, "attractors"), coordinates)
     for name, kind, lowest, highest in (
-        ("labels", np.int16, min(LABEL_NAMES), len(attractors) - 1),
+        ("labels", label_type(len(attractors)), min(LABEL_NAMES), len(attractors) - 1),
         ("settling_time", np.int32, -1, np.iinfo(np.int32).max),
     ):
         if (file[name].dtype, file[name].shape) != (np.dtype(kind), shape):

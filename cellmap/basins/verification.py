@@ -13,7 +13,7 @@ from .._lib.binomial import binomial_interval
 from .._lib.randomness import Rng, random_numbers
 from .._lib.threads import run_over, slices
 from ..attractors.creeping import drawn_to
-from ..attractors.labels import Label
+from ..attractors.labels import Label, label_type
 from ..attractors.mixing import unmixed
 from ..attractors.search import find_attractors
 from ..attractors.settling import Catalogue, settle
@@ -105,7 +105,7 @@ def verified(
     # Far inside the neighbourhoods, so that these are not taken on trust.
     catalogue = Catalogue.of(attractors, exact)
     close = catalogue.shrunk(0.01)
-    found = np.empty(len(drawn), np.int16)
+    found = np.empty(len(drawn), label_type(len(attractors)))
     # Neighbourhoods of a cycle differ in size, and within its period an orbit visits each.
     period = max((a.period for a in attractors), default=1)
 
@@ -179,7 +179,9 @@ def _renamed(found: NDArray[np.int16], given: NDArray[np.int16]) -> NDArray[np.i
     numbers = counts.shape[1] + np.arange(len(counts))
     rows, columns = linear_sum_assignment(counts, maximize=True)
     numbers[rows] = np.where(counts[rows, columns] > 0, columns, numbers[rows])
-    return np.where(found >= 0, numbers[np.maximum(found, 0)], found).astype(np.int16)
+    return np.where(found >= 0, numbers[np.maximum(found, 0)], found).astype(
+        label_type(int(numbers.max(initial=0)) + 1)
+    )
 
 
 def _closest(exact: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int) -> Floats:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.arrays import Complexes, Floats
+from ..attractors.labels import label_type
 from ..maps.coordinates import Coordinate
 from ..orbits.attractor import PARTS, Attractor, Kind, distinct_names
 from .optional import xarray_package
@@ -72,7 +73,8 @@ def attractor_group(
     }
     names = _texts(c.name for c in coordinates)
     return xarray_package().Dataset(
-        variables, coords={"label": ("attractor", np.array(labels, np.int16)), "coordinate": names}
+        variables,
+        coords={"label": ("attractor", np.array(labels, label_type(max(labels, default=0) + 1))), "coordinate": names},
     )
 
 

@@ -125,6 +125,8 @@ class _Read:
     def array(self, name: str, kind: Any = np.float64, shape: tuple[int, ...] | None = None) -> NDArray[Any]:
         """Return the values of a variable in memory, which have a type and a shape."""
         values = np.ascontiguousarray(self.tree[name].values).reshape(self.tree[name].shape)
+        if kind == np.int16 and values.dtype == np.int32:
+            kind = np.int32  # labels of more attractors
         if values.dtype != kind or (shape is not None and values.shape != shape):
             raise ValueError(f"{name} is {values.dtype} of shape {values.shape}")
         return values

@@ -340,11 +340,3 @@ def test_visit_to_a_cover_shorter_than_the_residence_does_not_count():
     orbit = henon().orbit(basins.grid.centres(), 2000)
     diverged = orbit.status[-1] == Status.DIVERGED
     assert np.array_equal(basins.labels == Label.DIVERGED, diverged)
-
-
-def test_more_attractors_than_labels_can_distinguish_are_refused() -> None:
-    """Labels have 16 bits: one more would be counted as another attractor."""
-    halves = discrete_map(lambda x, p: (0.5 * x[0],), {}, ("x",))
-    (origin,) = find_attractors(halves, [[0.5]])
-    with pytest.raises(ValueError, match="32,768 are more than the 32,767"):
-        Catalogue.of([origin] * 32768, halves)

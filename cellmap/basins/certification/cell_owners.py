@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from ..._compiled.kernels.cell_images import SEVERAL, boxes_of, claim_within, re
 from ..._compiled.kernels.certainty import FARTHEST, NONE
 from ..._lib.arrays import Floats, Ints
 from ..._lib.threads import run_over, slices
-from ...attractors.labels import Label
+from ...attractors.labels import Label, label_type
 from ...attractors.settling import Catalogue, settle
 from ...maps.coordinates import in_turn, wrap
 from ...maps.grid import CellGrid, Locator, grid_points
@@ -51,6 +52,11 @@ class Setting:
     neighbourhoods: Regions
     reaches: Floats
     overhangs: Ints
+
+    @property
+    def kind(self) -> Any:
+        """Type of arrays of labels, and of ends of paths."""
+        return label_type(self.attractors + _FIRST)
 
     @classmethod
     def of(cls, basins: Basins, point_map: PointMap) -> Setting:
@@ -105,7 +111,7 @@ def owners_of_cells(setting: Setting, errors: TableErrors, late: Iterable[Floats
 
     Orbits from the points in `late`, batches (n, d), come to no end in time, or late.
     """
-    held = np.full(setting.grid.size, NONE, np.int16)
+    held = np.full(setting.grid.size, NONE, setting.kind)
 
     def claim(part: slice) -> None:
         claim_within(held, setting.place, setting.neighbourhoods, setting.catalogue.turn, part.start, part.stop)
@@ -131,7 +137,7 @@ def owners_of_cells(setting: Setting, errors: TableErrors, late: Iterable[Floats
 
         run_over(slices(len(rough), _SAMPLED), sample)
     ends = _ends(setting, held, within, middle, reach)
-    return np.where(ends > 0, ends - _FIRST, NONE).astype(np.int16)
+    return np.where(ends > 0, ends - _FIRST, NONE).astype(setting.kind)
 
 
 def _ends(
@@ -146,7 +152,7 @@ def _ends(
         boxes_of(images, setting.place, _MOST_CELLS, setting.overhangs, part.start, part.stop, boxes)
 
     run_over(slices(setting.grid.size, CHUNK), enclose)
-    ends = np.where(held == NONE, within, held + _FIRST).astype(np.int16)
+    ends = np.where(held == NONE, within, held + _FIRST).astype(setting.kind)
     ends[(last[:, 0] < first[:, 0]) & (held == NONE)] = SEVERAL
     beyond = Label.ESCAPED + _FIRST if setting.escapes else SEVERAL
     reach_ends(ends, held != NONE, first, last, cells, circle, beyond)
@@ -159,7 +165,7 @@ def _ends_within(setting: Setting, late: Iterable[Floats]) -> NDArray[np.int16]:
     These are attractors, whether they hold a cell as a whole or not, and sets that orbits leave late or never: paths
     lead out of these too, so that they are found from the initial conditions that settle late.
     """
-    ends = np.zeros(setting.grid.size, np.int16)
+    ends = np.zeros(setting.grid.size, setting.kind)
 
     def meet(here: Ints, number: int) -> None:
         met = ends[here]
@@ -226,7 +232,7 @@ def _agreed(setting: Setting, centres: Floats) -> NDArray[np.int16]:
     points = _samples(setting, centres)
     labels = _labels_soon(setting, points.reshape(-1, setting.grid.dimension)).reshape(points.shape[:2])
     agreed = (labels == labels[:, :1]).all(axis=1) & (labels[:, 0] >= Label.ESCAPED)
-    return np.where(agreed, labels[:, 0], NONE).astype(np.int16)
+    return np.where(agreed, labels[:, 0], NONE).astype(setting.kind)
 
 
 def _samples(setting: Setting, centres: Floats) -> Floats:
@@ -240,7 +246,7 @@ def _samples(setting: Setting, centres: Floats) -> Floats:
 def _labels_soon(setting: Setting, points: Floats) -> NDArray[np.int16]:
     """Return the labels of points after a period."""
     orbits = Orbits.starting(wrap(points, setting.direct.coordinates))
-    return np.asarray(settle(setting.exact, orbits, setting.catalogue, 1).labels, np.int16)
+    return np.asarray(settle(setting.exact, orbits, setting.catalogue, 1).labels, setting.kind)
 
 
 def _samples_along(dimension: int) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._lib.arrays import Ints
+from ...attractors.labels import label_type
 from ...attractors.residence import is_same
 from ...maps.orbit_batch import NOTHING
 from ...orbits.attractor import Attractor, sort_key
@@ -67,8 +68,9 @@ class Search:
 def _renumbered(basins: Basins, attractors: Sequence[Attractor]) -> NDArray[np.int16]:
     """Return labels that number the same attractors in another sequence, which may have more of them."""
     numbers = np.array(
-        [next(k for k, a in enumerate(attractors) if is_same(a, b)) for b in basins.attractors], np.int16
+        [next(k for k, a in enumerate(attractors) if is_same(a, b)) for b in basins.attractors],
+        label_type(len(attractors)),
     )
-    labels = basins.labels.copy()
+    labels = basins.labels.astype(numbers.dtype)
     labels[basins.labels >= 0] = numbers[basins.labels[basins.labels >= 0]]
     return labels
