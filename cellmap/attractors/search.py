@@ -59,9 +59,10 @@ def find_attractors(
     region have converged.  Orbits that do not settle are compared with invariant curves, and those that never do are
     tested for chaos.
 
-    In more than four dimensions regions may take 1,800 images of the map for each initial condition, and at least
-    200,000.  Attractors that are not verified within them, and quasi-periodic ones, are found by recurrence: their
-    `verified` is False, and orbits that enter their regions count as converged.  Where the motion does not change when
+    In more than four dimensions Newton's method, regions and the search for curves may take 1,500 images of the map for
+    each initial condition, and at least 200,000.  Attractors that are not verified within them, and quasi-periodic
+    ones, are found by recurrence: their `verified` is False, and orbits that enter their regions, or have their time
+    averages in the end, count as converged.  Where the motion does not change when
     all states are shifted along a direction, as where all angles of a network may turn together, an attractor there is
     that of all shifts of its points, see the `symmetry` of :class:`Attractor`.
 

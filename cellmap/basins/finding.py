@@ -8,8 +8,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from .._lib.arrays import Floats
 from .._lib.checks import finite_number, whole_number
 from .._lib.files import as_target, locked
 from .._lib.signatures import checked
@@ -22,7 +24,35 @@ from ..orbits.attractor import Attractor
 from .doubts import warn_of_doubts
 from .initial_conditions import InitialConditions
 from .record import Basins
-from .run import Run, label_store
+from .run import Run, label_store, new_numbers
+
+
+def labelled(
+    point_map: PointMap,
+    points: Floats,
+    attractors: Sequence[Attractor],
+    max_periods: int,
+    client: Any = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+) -> tuple[NDArray[Any], NDArray[np.int32]]:
+    """Return labels and settling times of points (n, dimension) by known attractors, and by no others.
+
+    On a cluster and with a checkpoint, as for :func:`find_basins`.
+    """
+    check_client(client)
+    places = InitialConditions.of(points, point_map)
+    settings = {"max_periods": max_periods, "longest_period": 0, "map": dict(point_map.recipe)}
+    path = None if checkpoint is None else as_target("checkpoint", checkpoint)
+    with locked(path):
+        store = label_store(point_map, places, settings, attractors, path)
+        if (found := store.finished()) is None:
+            run = Run(point_map, places, store, max_periods, 0, client, searching=False)
+            for _ in run.tiles(attractors):
+                pass
+            every = list(range(len(attractors)))
+            found = replace(run.described(settings, 0.0), attractors=tuple(attractors))
+            found = store.finish(found, new_numbers(every, np.array(every, np.int64)))
+    return np.array(found.labels), np.array(found.settling_time)
 
 
 @checked

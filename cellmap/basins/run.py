@@ -55,7 +55,8 @@ class Run:
 
     ``order``: the tiles of the first sweep, in groups of which the ``first`` ones are labelled before
     the search for attractors, where some are known; ``now``: the present sweep, or the last; ``reasons``: why some of
-    those that it leaves are undecided; ``complete``: whether nothing is left to do; ``spent``: seconds of iteration.
+    those that it leaves are undecided; ``complete``: whether nothing is left to do; ``spent``: seconds of iteration;
+    ``searching``: whether attractors are searched for that are not known.
     """
 
     point_map: PointMap
@@ -73,6 +74,7 @@ class Run:
     complete: bool = False
     spent: list[float] = field(default_factory=list)
     quotient: Quotient | None = None
+    searching: bool = True
 
     def tiles(self, known: Sequence[Attractor]) -> Iterator[int]:
         """Find attractors from a sample, label all initial conditions, and search the active orbits again.
@@ -139,6 +141,9 @@ class Run:
 
     def _sweeps(self, given: list[Attractor]) -> Iterator[int]:
         self.stop.check()
+        if not self.searching:
+            yield from self._only_sweep(given)
+            return
         known = list(with_full_residence(given))  # what other orbits have shown says nothing of these
         total = len(self.initial_conditions)
         few = np.arange(total) if total <= _SAMPLE else np.random.default_rng(0).choice(total, _SAMPLE, replace=False)
@@ -182,6 +187,16 @@ class Run:
             if following.time_limit == now.time_limit or len(states) < len(left):
                 states = None
             now = following
+
+    def _only_sweep(self, known: Sequence[Attractor]) -> Iterator[int]:
+        """Label all initial conditions by what is known."""
+        examined = Examined.nothing_yet(self.point_map, np.ones(self.point_map.dimension))
+        now = self.store.resume(examined)
+        if now is None:
+            now = Progress(tuple(known), examined, Rows(len(self.initial_conditions)), (), self.max_periods)
+            self.store.begin(now)
+        self.now = now
+        yield from self._label(now, None)
 
     def _first_look(self, now: Progress, groups: Sequence[Sequence[StridedTile]]) -> Iterator[int]:
         """Label some starts by what is known, a group at a time: whoever is content with the first wants no more."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ...attractors.labels import LABEL_NAMES, Label
 from ...basins.classification import labeller
+from ...basins.finding import labelled
 from ...basins.record import Basins
 from ...maps.coordinates import Coordinate, state_points
 from ...maps.grid import CellGrid
@@ -64,7 +67,7 @@ class BasinStability:
         Meaning of each label.
     states : ndarray, shape (n, dimension)
         States that were drawn.
-    labels : ndarray of int16, shape (n,)
+    labels : ndarray of int16, shape (n,), or of int32 for more than 32,767 attractors
         Labels of the states.
     settling_time : ndarray of int32, shape (n,)
         Settling times of the states, -1 without one.
@@ -104,6 +107,8 @@ def basin_stability(
     method: str = "exact",
     point_map: PointMap | None = None,
     max_periods: int | None = None,
+    client: Any = None,
+    checkpoint: str | os.PathLike[str] | None = None,
 ) -> BasinStability:
     r"""Compute basin stability: the fraction of random states that converge to each attractor.
 
@@ -130,6 +135,11 @@ def basin_stability(
         Map to use instead of the exact one of the basins, such as an interpolated map.
     max_periods : int, optional
         Number of periods after which a state is undecided.
+    client : distributed.Client, optional
+        Dask cluster that labels the states; by default the threads of this process do.
+    checkpoint : path-like, optional
+        File in which labels are stored as they are computed, as by :func:`~cellmap.basins.find_basins`: repeating a
+        call that was interrupted resumes it.  States have to be drawn again as they were, by a seed.
 
     Returns
     -------
@@ -158,8 +168,11 @@ def basin_stability(
     if distribution is None and isinstance(source, Basins):
         distribution = source.grid
     states = drawn_states(distribution, label.point_map.coordinates, number, rng)
-    settled = label.settle(states)
-    labels, times = settled.labels, settled.times
+    if client is None and checkpoint is None:
+        settled = label.settle(states)
+        labels, times = settled.labels, settled.times
+    else:
+        labels, times = labelled(label.point_map, states, label.attractors, label.max_periods, client, checkpoint)
     undecided = int(np.count_nonzero(labels == Label.UNDECIDED))
     present = [code for code in LABEL_NAMES if (labels == code).any()]
     sampled = {}
