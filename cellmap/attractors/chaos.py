@@ -95,7 +95,7 @@ def examine(
         if len(rows) and drift(point_map, chosen[rows[0]], reach) is not None:
             reasons[rows] = Reason.RESONANT
         return Examination((), tuple(map(Reason, reasons)))
-    if chaotic.all() and age >= MATURE and point_map.is_flow:
+    if chaotic.all() and age >= MATURE and point_map.is_flow and point_map.dimension <= SAMPLED:
         trapped = _trapped(point_map, chosen, reach, known, late)
         if trapped is not None:
             return Examination((trapped,), ())
