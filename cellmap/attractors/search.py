@@ -28,8 +28,8 @@ from .labels import LABEL_NAMES, Label
 from .lyapunov_regions import Afford, always
 from .quasiperiodic import long_cycle, quasiperiodic_attractors
 from .quotients import quotient_of
-from .residence import with_full_residence
 from .recurrence import closed_attractors
+from .residence import with_full_residence
 from .settling import Catalogue, settle, settle_on_threads
 from .transients import REMEDIES, Late, Reason, UnsettledWarning, regular
 from .trapping import still_trapping, trapping_neighbourhood
