@@ -33,7 +33,7 @@ _LATEST = 32  # orbits, of those that came to an attractor late
 class Reason(StrEnum):
     """Why an orbit is undecided."""
 
-    REGULAR = "not converged, and not clearly chaotic"
+    REGULAR = "neither converged nor chaotic so far"
     LATE = "converges after more periods"
     CREEPING = "creep to rest, ever more slowly"
     ENDING = "escapes or diverges after more periods"
