@@ -10,6 +10,8 @@ from math import pi
 
 import numpy as np
 import pytest
+from peers import heyoka
+from scipy.spatial import KDTree
 
 from cellmap import ForcedSystem, find_basins, stroboscopic_map
 from cellmap.maps import jacobian
@@ -91,4 +93,28 @@ def test_a_hundred_machines(say: Say) -> None:
     say(
         f"100 machines, 10,000 initial conditions: 200 periods of each {orbits:.0f} s, basins {taken:.0f} s, "
         f"{memory:.2f} GB; {len(found[0].attractors)} attractors, {(found[0].labels < 0).mean():.2%} undecided"
+    )
+
+
+@pytest.mark.parametrize("number", [10_000])
+def test_all_attractors_that_heyoka_finds(say: Say, number: int) -> None:
+    """Ring of 10 wells at coupling 0.1: where heyoka's orbits end, and which of our attractors is there."""
+    system = ring_of_wells(10, coupling=0.1)
+    states, exact = random_states(system, number), stroboscopic_map(system)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        basins = find_basins(exact, states, max_periods=500)
+    ends = heyoka(system, 1e-10, 500)(states)
+    points = np.concatenate([a.points for a in basins.attractors])
+    owners = np.repeat(np.arange(len(basins.attractors)), [len(a.points) for a in basins.attractors])
+    apart, nearest = KDTree(points).query(ends)
+    twice = len(KDTree(points).query_pairs(1e-4))
+    here = apart < 1e-4
+    settled = np.linalg.norm(heyoka(system, 1e-10, 12)(ends) - ends, axis=1) < 1e-6
+    say(
+        f"ring of 10 at coupling 0.1, {number:,} initial conditions: {len(basins.attractors)} attractors, "
+        f"{len(np.unique(owners[nearest[here]]))} of them where heyoka's orbits end; ends that have closed within 12 "
+        f"periods and are on none: {np.count_nonzero(settled & ~here)}; points of attractors in one place: {twice}; "
+        f"other labels: {np.count_nonzero((owners[nearest] != basins.labels)[here & (basins.labels >= 0)])}; "
+        f"undecided {np.count_nonzero(basins.labels < 0)}"
     )
