@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cellmap import angle, discrete_map, find_attractors, find_basins, load_basins, save_basins
+from cellmap.attractors import examined
 from cellmap.attractors.recurrence import leading_exponents, recurrent_attractors
 from cellmap.attractors.settling import Catalogue
 from cellmap.attractors.trapping import trapping_neighbourhood
@@ -127,3 +128,27 @@ def test_chaos_in_many_dimensions_has_few_boxes_and_the_exponent_of_its_map():
         assert a.exponents[0] == pytest.approx(0.419, abs=0.01)
         assert len(a.cover.boxes) < 1e5
     assert np.array_equal(basins.labels == basins.labels[start[:, 2] > 0][0], start[:, 2] > 0)
+
+
+def test_without_images_for_proofs_there_are_the_same_attractors_and_labels(monkeypatch):
+    """Eight wells of three coordinates u -> u + 0.3 (u - u^3), whose signs are kept and decide."""
+
+    def step(x, p):
+        return (
+            *(u + 0.3 * (u - u * u * u) for u in x[:3]),
+            *(0.5 * v + 0.1 * u for u, v in zip(x[:3], x[3:], strict=True)),
+        )
+
+    wells = discrete_map(step, {}, tuple(f"x{i}" for i in range(6)))
+    start = np.random.default_rng(5).uniform(-1.2, 1.2, (100, 6))
+    proved = find_basins(wells, start, max_periods=300)
+    assert len(proved.attractors) == 8 and all(a.verified for a in proved.attractors)
+    monkeypatch.setattr(examined, "_IMAGES", 0)
+    monkeypatch.setattr(examined, "_AT_LEAST", 0)
+    with pytest.warns(UserWarning, match="8 of 8 attractors are not verified, and 100.0%"):
+        seen = find_basins(wells, start, max_periods=300)
+    assert np.isnan(seen.attractors[0].multipliers).all()
+    for k, a in enumerate(seen.attractors):
+        signs = np.sign(a.points[0, :3])
+        assert a.points[0, :3] == pytest.approx(signs, abs=1e-5)
+        assert np.array_equal(seen.labels == k, (np.sign(start[:, :3]) == signs).all(axis=1))
