@@ -141,7 +141,7 @@ def test_certificates_add_the_evidence():
     evidence = certificate.to_xarray()["evidence"]
     np.testing.assert_array_equal(evidence, certificate.evidence)
     assert evidence.attrs["flag_values"].tolist() == list(Evidence)
-    assert evidence.attrs["flag_meanings"] == "cell orbit exact open direct"
+    assert evidence.attrs["flag_meanings"] == "cell orbit exact open direct proved"
 
 
 def test_continuations_select_by_value_and_label():
