@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import math
 import re
 from collections.abc import Callable
 from fractions import Fraction
@@ -12,8 +14,11 @@ import numpy as np
 import pytest
 
 from cellmap._compiled.codegen.enclosures import Lanes
+from cellmap._compiled.codegen.exact_formulas import enclosable
+from cellmap._compiled.codegen.flow_enclosures import flow_text
 from cellmap._compiled.codegen.interval_functions import ENCLOSED
 from cellmap._compiled.codegen.intervals import LONGEST, ROUNDING, Interval
+from cellmap._compiled.codegen.trace import trace
 from cellmap._compiled.machine_code import _host, _optimised, machine_code, vector_width
 
 FLAGS = re.compile(r"\b(fast|reassoc|nnan|ninf|nsz|arcp|contract|afn)\b")
@@ -29,8 +34,6 @@ def over_intervals(formula: Callable[..., Interval], *arguments: tuple[Any, Any]
     text = lanes.module("ptr noalias %state, i64 %count, i64 %stride, ptr noalias %p")
     assert not FLAGS.search(text)
     assert not FLAGS.search(str(_optimised(text, *_host())))
-    import ctypes
-
     types = [ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p]
     code = machine_code(text)
     ctypes.CFUNCTYPE(None, *types)(code.address("enclose"))(state.ctypes.data, 64, 64, None)
@@ -147,6 +150,21 @@ def test_functions_are_enclosed_and_their_rounding_terms_are_needed(name: str, m
     monkeypatch.setitem(ROUNDING, FUNCTIONS[name], 0.0)
     monkeypatch.setitem(ROUNDING, "quotient", 0.0)
     assert distance(name, m, 0.0) > 1.0
+
+
+@pytest.mark.parametrize("second", [False, True])
+def test_no_flag_and_no_function_of_the_c_library_is_in_the_code_of_flows(second: bool) -> None:
+    def rhs(t: float, x: Any, p: Any) -> Any:
+        return x[1], math.sin(x[0]) * math.cos(t) - math.tanh(x[1]) / (1.0 + math.exp(p.a * x[0]))
+
+    text = flow_text(enclosable(trace(rhs, 2, ("a",))), 1, 2, vector_width(), second)
+    optimised = str(_optimised(text, *_host()))
+    for code in (text, optimised):
+        assert not FLAGS.search(code)
+        called = set(re.findall(r"call [^@]*@([\w.]+)", code))
+        assert called
+        assert all(name.startswith("llvm.") for name in called), called
+        assert not any(name.startswith(("llvm.sin", "llvm.cos", "llvm.exp", "llvm.log", "llvm.pow")) for name in called)
 
 
 def test_constants_of_reductions() -> None:
