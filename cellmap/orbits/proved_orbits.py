@@ -18,7 +18,7 @@ from ..maps.coordinates import Coordinate, turns_of
 from ..maps.enclosures import enclosed_images
 from ..maps.point_map import PointMap
 from .attractor import Attractor
-from .contraction import circle_gaps, contraction_balls
+from .contraction import POINT, circle_gaps, contraction_balls
 from .orbit_kinds import PeriodicOrbit
 
 _HALVINGS = 50  # of the box in which an orbit is sought, from the size of its coordinates on
@@ -143,11 +143,11 @@ def prove_orbit(
     if points.ndim != 2 or not len(points):
         raise ValueError(f"orbit has the shape {points.shape}: give rows of points, one for each step of the period")
     intervals = parameter_intervals(parameters, exact.params)
-    shooting = _Shooting(exact, points, intervals)
     scale = np.abs(points).max(axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     turn = turns_of(exact.coordinates)[1]
     scale = np.broadcast_to(np.where(turn > 0.0, turn / 8.0, scale), points.shape)
+    shooting = _Shooting(exact, points, POINT * scale, intervals)
     for halving in range(1, _HALVINGS):
         unique = scale * 2.0**-halving
         radii = shooting.image(unique)
@@ -190,6 +190,7 @@ class _Shooting:
 
     exact: PointMap
     points: Floats
+    small: Floats
     parameters: Mapping[str, tuple[float, float]]
 
     def _steps(self, half: Floats) -> tuple[Intervals, Intervals] | None:
@@ -205,7 +206,7 @@ class _Shooting:
     def image(self, half: Floats) -> Floats | None:
         """Return the half-widths of the image of a box under Krawczyk's operator; None where it is not enclosed."""
         period, d = self.points.shape
-        around, here = self._steps(half), self._steps(np.zeros_like(half))
+        around, here = self._steps(half), self._steps(self.small)
         if around is None or here is None:
             return None
         gaps = circle_gaps(here[0], np.roll(self.points, -1, axis=0), self.exact.coordinates)

@@ -264,6 +264,7 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "to_xarray": lambda: {"result": sample("Basins")},
     "plot_fit": lambda: {"result": sample("Fit")},
     "save_basins": lambda: {"basins": sample("Basins"), "path": "basins.h5"},
+    "Proof.save": lambda: {"path": "proof.h5"},
     "load_basins": lambda: {"path": saved_basins()},
     "cluster_orbits": lambda: {"initial_conditions": POINTS, "transient": 2, "periods": 2},
     "classify_by_features": lambda: {"initial_conditions": POINTS, "transient": 2, "periods": 2, "min_size": 2},
