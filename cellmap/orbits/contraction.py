@@ -15,9 +15,6 @@ from ..maps.enclosures import enclosed_images
 from ..maps.point_map import PointMap
 from .ellipsoids import lyapunov_forms
 
-POINT = 2.0**-44
-"""Of an extent, half-width of boxes that stand for points: the scale to which their images are computed."""
-
 _LARGEST = 0.5  # of an extent, half-width of a ball
 _HALVINGS, _BETWEEN = 32, 3  # of the radius, until a ball contracts; and steps back towards the last one that did not
 _PARTS = {1: 256, 2: 32, 3: 10}  # boxes along each axis that cover a ball
@@ -50,6 +47,11 @@ class ContractionBalls:
     rate: float
 
 
+def point_width(parameters: Mapping[str, Any] | None) -> float:
+    """Return the half-width of boxes that stand for points, in extents: the scale to which images are computed."""
+    return 2.0**-16 if parameters else 2.0**-44
+
+
 def circle_gaps(images: Intervals, targets: Floats, coordinates: tuple[Coordinate, ...]) -> Intervals:
     """Return images less targets, on circles the shorter way round; periods are known to a unit in the last place."""
     turn = turns_of(coordinates)[1]
@@ -67,7 +69,7 @@ def contraction_balls(
     No ball is wider than the extent (d,) of the region that matters.
     """
     exact = point_map.without_table
-    linear = enclosed_images(exact, points, POINT * extent, parameters=parameters)
+    linear = enclosed_images(exact, points, point_width(parameters) * extent, parameters=parameters)
     if not linear.proved.all():
         return None
     frames = _frames(linear.derivatives, extent)

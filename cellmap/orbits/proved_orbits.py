@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from .._lib.arrays import Complexes, Floats
 from .._lib.checks import finite_points, parameter_intervals
+from .._lib.computed import computed_once
 from .._lib.midpoint_radius import ROUNDING, Intervals, inverse
 from .._lib.records import ShownAsHtml
 from .._lib.signatures import checked
@@ -18,7 +19,7 @@ from ..maps.coordinates import Coordinate, turns_of
 from ..maps.enclosures import enclosed_images
 from ..maps.point_map import PointMap
 from .attractor import Attractor
-from .contraction import POINT, circle_gaps, contraction_balls
+from .contraction import circle_gaps, contraction_balls, point_width
 from .orbit_kinds import PeriodicOrbit
 
 _HALVINGS = 50  # of the box in which an orbit is sought, from the size of its coordinates on
@@ -147,7 +148,7 @@ def prove_orbit(
     scale = np.where(scale > 0.0, scale, 1.0)
     turn = turns_of(exact.coordinates)[1]
     scale = np.broadcast_to(np.where(turn > 0.0, turn / 8.0, scale), points.shape)
-    shooting = _Shooting(exact, points, POINT * scale, intervals)
+    shooting = _Shooting(exact, points, point_width(intervals) * scale, intervals)
     for halving in range(1, _HALVINGS):
         unique = scale * 2.0**-halving
         radii = shooting.image(unique)
@@ -203,10 +204,15 @@ class _Shooting:
             Intervals(forms.derivatives, forms.derivative_radii),
         )
 
+    @computed_once
+    def _middle(self) -> tuple[Intervals, Intervals] | None:
+        """Images of the points themselves, and derivatives there."""
+        return self._steps(self.small)
+
     def image(self, half: Floats) -> Floats | None:
         """Return the half-widths of the image of a box under Krawczyk's operator; None where it is not enclosed."""
         period, d = self.points.shape
-        around, here = self._steps(half), self._steps(self.small)
+        around, here = self._steps(half), self._middle
         if around is None or here is None:
             return None
         gaps = circle_gaps(here[0], np.roll(self.points, -1, axis=0), self.exact.coordinates)
