@@ -98,15 +98,16 @@ def _first_steps(pass_over: Pass, boxes: int, order: int) -> int:
     for _ in range(_ROUNDS if boxes else 0):
         new = pass_over(some, steps)
         typical = float(np.quantile(_needed(new[:, -1], steps, order), 0.75))
-        if (failed := float(np.isnan(new).any(axis=1).mean())) <= 0.25:
-            if 0.8 * steps <= max(least, typical) <= _MORE * steps:
-                return steps
-            fewest, best = 0.0, max(least, ceil(typical))
-        else:
+        failed = float(np.isnan(new).any(axis=1).mean())
+        if failed <= 0.25 and 0.8 * steps <= max(least, typical) <= _MORE * steps:
+            return steps
+        if failed < fewest or failed <= 0.25:
+            fewest, best = failed, steps
+        if failed > 0.25:
             least = ceil(_MORE * steps)
-            if failed < fewest:
-                fewest, best = failed, steps
         steps = max(least, ceil(typical))
+    if fewest == 1.0 and boxes and np.isfinite(pass_over(some, _MOST)).all(axis=1).any():
+        return min(steps, _MOST)
     return best if best <= _MOST else _FIRST
 
 
