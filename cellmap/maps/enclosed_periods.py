@@ -154,7 +154,7 @@ def period_of(system: ForcedSystem, phase: float, parameters: Floats, exact: boo
     length = system.length
     if exact or not callable(system.period):
         return (phase * length, 0.0), (length, 0.0)
-    function, names = _as_map(system.period), tuple(system.params)
+    function, names = period_as_map(system.period), tuple(system.params)
     if reason := why_untraced(function, 1, system.params):
         raise ValueError(
             f"period={system.period!r}: its formula is not known, {reason}; give the parameters as numbers"
@@ -170,7 +170,7 @@ def period_of(system: ForcedSystem, phase: float, parameters: Floats, exact: boo
 
 
 @functools.lru_cache(maxsize=64)
-def _as_map(period: Callable[[Any], float]) -> Callable[..., Sequence[float]]:
+def period_as_map(period: Callable[[Any], float]) -> Callable[..., Sequence[float]]:
     """Return a period as a map; the same object for the same function."""
 
     def function(t: float, x: Sequence[float], p: Any) -> Sequence[float]:

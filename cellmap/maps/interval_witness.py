@@ -15,6 +15,7 @@ from .._compiled.codegen.kernel import traced_function
 from .._compiled.codegen.trace import Trace
 from .._lib.stopping import check_stop
 from .discrete import Discrete
+from .enclosed_periods import period_as_map
 from .point_map import PointMap
 from .stroboscopic import Stroboscopic
 
@@ -271,7 +272,12 @@ def witness(
         traced = traced_function(system.rhs, system.dimension, names)
         if traced is not None and system.functions[1:] == (None, None):
             formulas = _Formulas(context, traced, values)
-            length = _as_interval(context, (parameters or {}).get("period", system.length))
+            length = context.mpf(system.length)
+            if parameters and callable(system.period):
+                period = traced_function(period_as_map(system.period), 1, names)
+                if period is None:
+                    raise ValueError(f"period={system.period!r}: its formula is not known; give parameters as numbers")
+                length = _Formulas(context, period, values).values(context.mpf(0), [_Jet(context.mpf(0), [])])[0].value
             return lambda box: _flow_image(formulas, context.mpf(spec.phase) * length, length, box)
     raise ValueError(
         f"{point_map!r} has no formulas that intervals can evaluate: proofs are for discrete maps and smooth flows "

@@ -61,6 +61,38 @@ def circle_gaps(images: Intervals, targets: Floats, coordinates: tuple[Coordinat
     return gaps + away
 
 
+def check_periods(
+    point_map: PointMap, points: Floats, half_widths: Floats, parameters: Mapping[str, Any] | None = None
+) -> None:
+    """Hold a map to the periods of its angles, at boxes around points (n, d).
+
+    Raises
+    ------
+    ValueError
+        Where images of boxes one period apart are proved not to be whole periods apart.
+    """
+    exact, turn = point_map.without_table, turns_of(point_map.coordinates)[1]
+    angles = np.flatnonzero(turn > 0.0)
+    if not len(angles):
+        return
+
+    def hulls(centres: Floats) -> tuple[Floats, Floats]:
+        forms = enclosed_images(exact, centres, half_widths, parameters=parameters)
+        return forms.images, forms.spreads + (np.abs(forms.derivatives) @ half_widths[..., None])[..., 0]
+
+    image, radius = hulls(points)
+    for j in angles:
+        later, its_radius = hulls(points + turn * (np.arange(len(turn)) == j))
+        apart = np.abs(shortest(later - image, turn))
+        known = 2.0 * (radius + its_radius) + 16.0 * ROUNDING.unit * (np.abs(image) + np.abs(later) + turn)
+        if (apart > known).any():
+            c = point_map.coordinates[j]
+            raise ValueError(
+                f"the formulas of {point_map.name} do not repeat after the period {c.period!r} of {c.name}, and "
+                "nothing can be proved on its circle: give the period in full, such as 2 * pi"
+            )
+
+
 def contraction_balls(
     point_map: PointMap, points: Floats, extent: Floats, parameters: Mapping[str, Any] | None = None
 ) -> ContractionBalls | None:
@@ -129,19 +161,21 @@ class _Balls:
             size = np.abs(self.points[k]) + widths
             half = (widths / parts + 4.0 * ROUNDING.unit * size) * ROUNDING.wider
             frame = Intervals.exact(self.frames[k])
-            nearest = (frame @ Intervals.exact(offsets[..., None]))[..., 0].below - np.abs(self.frames[k]) @ half
+            boxes = Intervals(offsets[..., None], np.broadcast_to(half, offsets.shape)[..., None])
+            nearest = (frame @ boxes)[..., 0].below
             meets = (np.maximum(nearest, 0.0) ** 2).sum(axis=-1) <= radius**2 * ROUNDING.wider
             centres = self.points[k] + offsets[meets]
             forms = enclosed_images(
                 self.exact, centres, np.broadcast_to(half, centres.shape), parameters=self.parameters
             )
-            if not forms.proved.all():
+            if not (forms.proved.all() and meets.any()):
                 return np.inf
             derivatives = Intervals(forms.derivatives, forms.derivative_radii)
             ahead = Intervals.exact(self.frames[(k + 1) % period])
-            worst = max(worst, float(stretch_above(ahead @ derivatives @ self.inverses[k]).max()))
-            if not worst < 1.0:
+            found = stretch_above(ahead @ derivatives @ self.inverses[k])
+            if not (found < 1.0).all():  # also where it is not known: max(0.0, nan) is 0.0
                 return np.inf
+            worst = max(worst, float(found.max()))
         return worst
 
 

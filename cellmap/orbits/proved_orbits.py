@@ -19,7 +19,7 @@ from ..maps.coordinates import Coordinate, turns_of
 from ..maps.enclosures import enclosed_images
 from ..maps.point_map import PointMap
 from .attractor import Attractor
-from .contraction import circle_gaps, contraction_balls, point_width
+from .contraction import check_periods, circle_gaps, contraction_balls, point_width
 from .orbit_kinds import PeriodicOrbit
 
 _HALVINGS = 50  # of the box in which an orbit is sought, from the size of its coordinates on
@@ -148,6 +148,7 @@ def prove_orbit(
     scale = np.where(scale > 0.0, scale, 1.0)
     turn = turns_of(exact.coordinates)[1]
     scale = np.broadcast_to(np.where(turn > 0.0, turn / 8.0, scale), points.shape)
+    check_periods(exact, points, point_width(intervals) * scale, intervals)
     shooting = _Shooting(exact, points, point_width(intervals) * scale, intervals)
     for halving in range(1, _HALVINGS):
         unique = scale * 2.0**-halving
@@ -169,7 +170,7 @@ def prove_orbit(
     inside = (np.abs(centres) + discs) * ROUNDING.wider < 1.0
     decided = bool((inside | outside).all())
     stable = not outside.any() if decided else None
-    if stable is None and contraction_balls(exact, points, 2.0 * unique.max(axis=0), intervals) is not None:
+    if stable is None and contraction_balls(exact, points, 1.99 * unique.min(axis=0), intervals) is not None:
         stable = True
     return ProvedOrbit(
         points=points,

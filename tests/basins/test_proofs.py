@@ -11,7 +11,7 @@ import cellmap
 from cellmap import CellGrid, angle, certify, discrete_map, find_basins, interpolated_map
 from cellmap.basins import Evidence, Proof, prove
 from cellmap.basins.proofs import passes
-from cellmap.basins.proofs.regions import ProvedCells, alike
+from cellmap.basins.proofs.regions import ProvedCells, Region, alike
 
 NO_ANGLES = (False, False)
 
@@ -181,6 +181,38 @@ def test_certificates_take_proved_labels(roots):
     )
     with pytest.raises(ValueError, match="other basins"):
         certify(find_basins(icm, CellGrid((-1, -1), (1, 1), (10, 10))), proof=found)
+
+
+def test_certificates_take_no_proof_of_another_map():
+    """Of the same name, grid and numbers; or for other values of a parameter."""
+
+    def basins(sign):
+        cubic = discrete_map(
+            lambda x, p: (p.a * x[0] - 0.5 * x[0] ** 3 + 0.01 * sign,), {"a": 1.4}, ("x",), name="cubic"
+        )
+        icm = interpolated_map(cubic, CellGrid((-2.0,), (2.0,), (64,)))
+        return find_basins(icm, CellGrid((-1.5,), (1.5,), (50,)))
+
+    mine, others = basins(1.0), basins(-1.0)
+    assert certify(mine, proof=prove(mine, splits=0)).evidence.max() == Evidence.PROVED
+    for proof in (prove(others, splits=0), prove(mine, splits=0, parameters={"a": (1.45, 1.46)})):
+        with pytest.raises(ValueError, match="other basins"):
+            certify(mine, proof=proof)
+
+
+def test_angles_whose_period_the_formulas_do_not_have():
+    rounded = discrete_map(damped, {}, (angle("theta", period=6.2832), "v"))
+    with pytest.raises(ValueError, match=r"do not repeat after the period 6\.2832 of theta"):
+        prove(find_basins(rounded, CellGrid((-3.0, -2.0), (3.0, 2.0), (12, 12))))
+
+
+def test_windows_a_little_longer_than_the_circle_overlap():
+    turning = discrete_map(damped, {}, (angle("theta"), "v"))
+    grid = find_basins(turning, CellGrid((-pi, -2.0), (pi + 4e-9, 2.0), (8, 8))).grid
+    assert grid.wraps[0]
+    place = ProvedCells.none(Region(grid, turning.coordinates, (0, 0), (0, 0))).region.place()
+    last = place.first[0] + 7
+    assert place.mids[0, last] + place.half[0] >= grid.upper[0]
 
 
 def test_what_cannot_be_proved_says_so(roots):

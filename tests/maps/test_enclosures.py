@@ -188,3 +188,12 @@ def test_maps_without_enclosures_say_why() -> None:
 )
 def test_numbers_in_derivatives_are_not_rounded(text: str) -> None:
     assert attacked(text, random.Random(0), 10)[1] <= 1
+
+
+@pytest.mark.parametrize("top, bottom", [(1e-13, 3e-310), (1e-30, 3e-290), (0.3e-15, 3e-308)])
+def test_quotients_of_numbers_whose_errors_underflow(top: float, bottom: float) -> None:
+    quotient = discrete_map(lambda x, p: (0.5 * x[0], p.c / p.b), {"c": top, "b": bottom}, ("x", "y"))
+    forms = enclosed_images(quotient, [[0.0, 0.0]], [0.0, 0.0])
+    with mpmath.workdps(40):
+        off = abs(mpmath.mpf(top) / mpmath.mpf(bottom) - mpmath.mpf(float(forms.images[0, 1])))
+        assert 0 < off <= forms.image_radii[0, 1]

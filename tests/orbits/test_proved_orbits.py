@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cellmap import ForcedSystem, angle, discrete_map, periodic_orbit, stroboscopic_map
-from cellmap.orbits import NotProvedError, prove_orbit
+from cellmap.orbits import NotProvedError, contraction, prove_orbit
 from cellmap.orbits.contraction import contraction_balls
 
 HENON = discrete_map(lambda x, p: (1 - p.a * x[0] ** 2 + x[1], p.b * x[0]), {"a": 1.4, "b": 0.3}, ("x", "y"))
@@ -79,3 +79,11 @@ def test_failures_are_no_numbers():
     assert contraction_balls(HENON, periodic_orbit(HENON, [0.6, 0.2]).points, np.ones(2)) is None
     with pytest.raises(NotProvedError):
         prove_orbit(HENON, [[0.5, 0.5]])
+
+
+def test_a_bound_that_is_not_known_contracts_nothing(monkeypatch):
+    """Where the square of a derivative overflows, on some processors."""
+    half = discrete_map(lambda x, p: (0.5 * x[0],), {}, ("x",))
+    assert contraction_balls(half, np.zeros((1, 1)), np.ones(1)) is not None
+    monkeypatch.setattr(contraction, "stretch_above", lambda matrices: np.full(len(matrices.mid), np.nan))
+    assert contraction_balls(half, np.zeros((1, 1)), np.ones(1)) is None

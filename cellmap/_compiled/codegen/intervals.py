@@ -113,8 +113,8 @@ class Interval:
     def loose(self) -> Value:
         """The radius, with what each product of a sum adds to it by rounding."""
         if self._loose is None:
-            part = ROUNDING["dot"] * (LONGEST + 2)
-            self._loose = fused(self.size, part, number(ROUNDING["underflow"]) if self.r is None else self.r)
+            part = fused(self.size, ROUNDING["dot"] * (LONGEST + 2), number(ROUNDING["underflow"]))
+            self._loose = part if self.r is None else part + self.r
         return self._loose
 
     def _lifted(self, other: Interval | float) -> Interval:
@@ -149,12 +149,16 @@ class Interval:
     __rmul__ = __mul__
 
     def __truediv__(self, given: Interval | float) -> Interval:
-        # With q = m/n, for x and y near m and n: x/y - q = ((x - m) + (m - q n) + q (n - y))/y.
+        # With q = m/n, for x and y near m and n: x/y - q = ((x - m) + (m - q n) + q (n - y))/y.  What underflow loses
+        # may be multiplied by a large q, or divided by a small y, and is added before that.
         other = self._lifted(given)
         q = self.m / other.m
         least = other.size if other.r is None else other.size - other.r
-        off = other.size * ROUNDING["quotient"]
-        gap = abs(q) * (off if other.r is None else off + other.r)
+        off, none = (
+            fused(other.size, ROUNDING["quotient"], number(ROUNDING["underflow"])),
+            number(ROUNDING["underflow"]),
+        )
+        gap = fused(abs(q), off if other.r is None else off + other.r, none)
         gap = gap if self.r is None else gap + self.r
         away = least > other.size * 2.0**-50  # so far from zero that rounding cannot matter
         return Interval(self.code, q, widened(where(away, gap / least, nan), number(ROUNDING["underflow"])))

@@ -23,6 +23,19 @@ from .undecided import Search
 _SEARCHES = 8  # certifications of a basin image at most, as further attractors are found
 
 
+def _is_of(proof: Proof, basins: Basins) -> bool:
+    """Tell whether a proof is of these basins, with the same attractors in the same order, and of their parameters."""
+    own = proof.basins
+    return (
+        (own.grid, own.name, own.coordinates, dict(own.params))
+        == (basins.grid, basins.name, basins.coordinates, dict(basins.params))
+        and np.array_equal(own.labels, basins.labels)
+        and len(own.attractors) == len(basins.attractors)
+        and all(np.array_equal(a.points, b.points) for a, b in zip(own.attractors, basins.attractors, strict=True))
+        and all(low <= basins.params[name] <= high for name, (low, high) in proof.parameters.items())
+    )
+
+
 @checked
 def certify(
     basins: Basins,
@@ -122,11 +135,11 @@ def certify(
     began = time.perf_counter()
     given, total, proved = basins, basins.labels.size, np.zeros(basins.labels.size, bool)
     if proof is not None:
-        if proof.grid != basins.grid or dict(proof.basins.params) != dict(basins.params):
+        if not _is_of(proof, basins):
             raise ValueError(f"proof={proof!r} is of other basins: give what prove(basins) returns")
         known = proof.labels
         proved = (known >= 0).ravel()
-        basins = replace(basins, labels=np.where(known >= 0, known, basins.labels).astype(np.int16))
+        basins = replace(basins, labels=np.where(known >= 0, known, basins.labels).astype(basins.labels.dtype))
     claim_memory(f"evidence for {total:,} initial conditions", 6 * total, "take fewer initial conditions")
     claim_memory(
         f"error bounds of {point_map.table}", TableErrors.memory(point_map.table.grid), "take fewer interpolation cells"

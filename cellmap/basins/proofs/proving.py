@@ -19,13 +19,14 @@ from ...attractors.settling import Catalogue, classify
 from ...maps.coordinates import turns_of
 from ...maps.orbit_batch import Cost
 from ...orbits.attractor import Kind
-from ...orbits.contraction import contraction_balls
+from ...orbits.contraction import check_periods, contraction_balls, point_width
 from ..record import Basins
 from .level_file import levels_kept
 from .passes import Machine
 from .proof import Proof
 from .regions import ProvedCells, alike, centres_of, region_of
 
+_PLACES = 16  # where the periods of angles are checked
 _PROVABLE = (Kind.FIXED_POINT, Kind.PERIODIC, Kind.ROTATING)
 _BYTES = 60  # a cell: its label and rank with those of the level before, and the list of the cells that its image meets
 
@@ -112,7 +113,13 @@ def prove(
     exact, extent = point_map.without_table, _extent(basins)
     region = region_of(grid, point_map, np.isin(basins.labels, _provable(basins)))
     cells = math.prod(region.shape) * 2 ** (splits * (grid.dimension - sum(region.fixed)))
+    if max(cells, len(basins.attractors) << 16) >= 2**31:
+        raise ValueError(
+            f"{cells:,} cells, {len(basins.attractors):,} attractors: proofs are of fewer than 2,147,483,648 cells and "
+            "32,768 attractors; take fewer splits, or a smaller window"
+        )
     claim_memory(f"proofs of {cells:,} cells", _BYTES * cells, "take fewer splits, or a grid of fewer cells")
+    check_periods(exact, *_some_places(basins, point_width(intervals) * extent), intervals)
     attractors = {}
     for k in _provable(basins):
         a = basins.attractors[k]
@@ -131,6 +138,15 @@ def prove(
             boxes += done
     cost = Cost(seconds=time.perf_counter() - began, evaluations=boxes)
     return Proof(basins, attractors, proved, intervals, splits, max_periods, cost)
+
+
+def _some_places(basins: Basins, half: Floats) -> tuple[Floats, Floats]:
+    """Return some centres of cells, and half-widths for each."""
+    grid = basins.grid
+    assert grid is not None
+    index = np.unravel_index(np.unique(np.linspace(0, grid.size - 1, _PLACES).astype(np.int64)), grid.shape)
+    points = np.stack([grid.along(j, i + 0.5) for j, i in enumerate(index)], axis=-1)
+    return points, np.broadcast_to(half, points.shape)
 
 
 def _provable(basins: Basins) -> list[int]:

@@ -85,6 +85,8 @@ class Region:
         lines, halves = [], np.empty(d)
         for j in range(d):
             edges = self.edges(j)
+            # A window that goes round may be a little longer than the circle.
+            excess = max(edges[-1] - edges[0] - turn[j], 0.0)
             if wraps[j]:
                 # An angle that is a full rotation away, by a period that is known to a unit in the last place.
                 edges = np.concatenate([edges[:-1] - turn[j], edges[:-1], edges + turn[j]])
@@ -92,7 +94,7 @@ class Region:
                 raise ValueError(f"splits: no floating-point numbers separate cells along {self.coordinates[j].name}")
             mids = 0.5 * (edges[:-1] + edges[1:])
             half = np.maximum(edges[1:] - mids, mids - edges[:-1]).max()
-            slack = _ULPS * ROUNDING.unit * (np.abs(edges).max() + turn[j]) if wraps[j] else 0.0
+            slack = _ULPS * ROUNDING.unit * (np.abs(edges).max() + turn[j]) + excess if wraps[j] else 0.0
             halves[j] = (half * ROUNDING.wider + slack) * ROUNDING.wider
             lines.append((edges, mids))
         longest = max(len(edges) for edges, _ in lines)
