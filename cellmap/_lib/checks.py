@@ -83,7 +83,9 @@ def finite_number(
 def whole_number(name: str, value: Any, at_least: int = 0, at_most: int = 2**62) -> int:
     """Return an int, within bounds."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise TypeError(f"{name}={shown(value)}: give a whole number")
+        whole = isinstance(value, float) and value.is_integer() and abs(value) < 2**53
+        such = f", the int {int(value)}" if whole else ""
+        raise TypeError(f"{name}={shown(value)}: give a whole number{such}")
     if value < at_least:
         raise ValueError(f"{name}={shown(value)}: give a whole number of at least {at_least}")
     if value > at_most:
@@ -237,6 +239,11 @@ def parameter_values(params: Mapping[str, Any]) -> dict[str, float]:
                 f"params has the name {name!r}: give Python identifiers, no keywords, without a leading underscore"
             )
     flat = parameter_entries(params)
+    for name, value in flat.items():
+        if isinstance(value, list | tuple):
+            raise TypeError(
+                f"params[{name!r}]={shown(value)}: give one real number, or an array of them, np.array(...)"
+            )
     return Parameters({name: finite_number(f"params[{name!r}]", value) for name, value in flat.items()})
 
 

@@ -80,7 +80,7 @@ def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[s
         Basins to store, or several under names of their own.  Maps are stored as recipes, without interpolation
         coefficients: :func:`rebuild_map` rebuilds them.
     path : path-like
-        Name of the file, such as ``"basins.h5"``; an older file of that name is replaced.
+        Name of the file, such as ``"basins.h5"``; a file of that name is replaced, whatever it holds.
 
     Returns
     -------

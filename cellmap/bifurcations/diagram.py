@@ -262,7 +262,7 @@ def bifurcation_diagram(
     if periods < fewest:
         raise ValueError(
             f"periods={periods!r}: give at least {fewest}, twice longest_period={longest_period!r} and no fewer than "
-            f"{_FEWEST}"
+            f"{_FEWEST}, or a smaller longest_period"
         )
     tolerance = finite_number("tolerance", tolerance, above=0.0)
     shift = real_array("perturbation", perturbation)

@@ -21,7 +21,7 @@ from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .compiled_advance import DiscreteAdvance
 from .coordinates import Coordinate, as_coordinates, turns_of
-from .misread import called_twice, check_compiled, lacking
+from .misread import as_vectors, called_twice, check_compiled, lacking, undefined
 from .orbit_batch import Orbits, Status
 from .parameters_as_states import swept_axes, swept_function
 from .point_map import PointMap
@@ -209,8 +209,12 @@ def _check_components(function: Callable[..., Any], params: Mapping[str, float],
             raise
         except AttributeError as error:
             raise lacking("function", error) from error
+        except NameError as error:
+            raise undefined("function", error) from error
         except TypeError as error:
-            raise TypeError(f"function must be callable as function(x, p) and return a tuple: {error}") from error
+            raise TypeError(
+                f"function must be callable as function(x, p) and return a tuple: {error}{as_vectors(str(error))}"
+            ) from error
         except Exception as error:
             beyond = error if isinstance(error, IndexError) else beyond
             continue  # outside the domain of the function

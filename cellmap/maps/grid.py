@@ -82,7 +82,8 @@ class CellGrid(ShownAsHtml):
             if not a < b:
                 raise ValueError(
                     f"lower={a!r}, upper={b!r} along axis {j}: the window is empty or inverted; exchange them or widen "
-                    "it, or for a slice give one cell along this axis"
+                    "it, or for a slice give one cell along this axis (lower has the lower ends of all axes, upper the "
+                    "upper ends)"
                 )
             if not ulp(max(abs(a), abs(b))) <= (b - a) / n < inf:
                 raise ValueError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -54,6 +55,15 @@ def misread(
         return lacking(functions, error)
     if isinstance(error, IndexError) and not text.startswith("tuple"):
         return ValueError(f"{functions} reads beyond the end of a list or an array at every state tried ({text})")
+    if isinstance(error, NameError):
+        return undefined(functions, error)
+    if isinstance(error, ValueError) and "to unpack" in text:
+        one = len(names) == 1 and len(listed) > 1
+        such = f", such as {tuple(listed)!r}" if one else ""
+        return ValueError(
+            f"{functions} fails at every state tried ({text}): give one coordinate for each state variable, where "
+            f"coordinates={listed!r} has {len(names)}{such}"
+        )
     if isinstance(error, IndexError):
         if len(names) == 1 and len(listed) > 1:
             remedy = f"coordinates={listed!r} is one name: give one for each, such as {tuple(listed)!r}"
@@ -73,7 +83,21 @@ def misread(
             return TypeError("rhs takes the state before the time: it must be callable as rhs(t, x, p), time first")
     if "not iterable" in text:
         text += "; return one derivative for each coordinate, `return (value,)` for one"
+    text += as_vectors(text)
     return TypeError(f"rhs must be callable as {form} and return a tuple: {text}")
+
+
+def as_vectors(text: str) -> str:
+    """Return the remedy, for a message, of arithmetic with a state or with parameters as a whole."""
+    vectors = "multiply sequence" in text or re.search("unsupported operand|bad operand|can only concatenate", text)
+    return "; x and p are tuples: write x[0], x[1], ... and p.name, or compute with np.array(x)" if vectors else ""
+
+
+def undefined(functions: str, error: NameError) -> ValueError:
+    """Return what is said of a function that uses a name that is not defined."""
+    return ValueError(
+        f"{functions} fails ({error}): define it before, or make it a parameter in params and write p.{error.name}"
+    )
 
 
 def lacking(functions: str, error: AttributeError) -> ValueError:

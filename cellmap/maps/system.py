@@ -215,7 +215,12 @@ class ForcedSystem:
         return parameter_record(tuple(self.params))(*self.params.values())
 
     def with_params(self, **changes: ArrayLike) -> ForcedSystem:
-        """Return the system with some parameters changed.
+        """Return the system with some parameters changed, as in ``with_params(gamma=0.3)``.
+
+        Parameters
+        ----------
+        **changes : float or array_like
+            New values by the names of parameters; of a dictionary by ``with_params(**values)``.
 
         Raises
         ------
@@ -326,7 +331,7 @@ class ForcedSystem:
                 ]
             except (ImpureError, StateChangedError):
                 raise
-            except (AttributeError, TypeError) as error:
+            except (AttributeError, NameError, TypeError) as error:
                 raise misread(self.rhs, self.switches, (t, tuple(places), self.parameters), self.axes, error) from error
             except Exception as error:
                 failure = error
@@ -361,7 +366,8 @@ class ForcedSystem:
                 "rhs changes a value outside of it: it must depend on t, x and p alone, for it is not called in the "
                 "order of time. Declare events at which the state jumps as impacts=[Impact(guard, reset)]"
             )
-        if not checked and isinstance(failure, IndexError):
+        if not checked and (isinstance(failure, IndexError) or "to unpack" in str(failure)):
+            assert failure is not None, "nothing was checked"
             arguments = (0.0, tuple(places), self.parameters)
             raise misread(self.rhs, self.switches, arguments, self.axes, failure) from failure
         if not checked and isinstance(failure, TypeError):

@@ -19,7 +19,7 @@ from ..basins.planning.predictions import Option
 from ..basins.record import Basins
 from ..maps.grid import CellGrid
 from ..orbits.attractor import Kind
-from ._axes import axes_or_new, label_axis, legend_below, name_axes, pair_of, plane_of, show_cells
+from ._axes import axes_or_new, label_axis, legend_below, name_axes, pair_of, plane_of, show_cells, symbol
 from ._colours import label_colours
 from ._draw import figure
 
@@ -86,8 +86,18 @@ def basins(
     if legend:
         fractions = {k: _percent(f.fraction) for k, f in basins.fractions.items()}
         legend_below(ax, [(palette[k], f"{basins.label_name(k)}: {s}") for k, s in fractions.items()])
-    ax.set_title(basins.name)
+    ax.set_title(basins.name + _where(basins))
     return ax
+
+
+def _where(basins: Basins | FeatureBasins) -> str:
+    """Return what a title says of the coordinates that a slice holds, where there are few."""
+    grid = basins.grid
+    fixed = [j for j, n in enumerate(grid.shape) if n == 1] if grid is not None else []
+    if grid is None or not 0 < len(fixed) <= 2:
+        return ""
+    values = (f"{symbol(basins.coordinates[j].name)} = {grid.axis(j)[0] + 0.0:.4g}" for j in fixed)
+    return f", {', '.join(values)}"
 
 
 def _coordinates_of_axes(basins: Basins | FeatureBasins, plane: tuple[int | str, int | str] | None) -> list[int]:

@@ -220,3 +220,11 @@ def test_what_cannot_be_proved_says_so(roots):
         prove(find_basins(roots.point_map, np.array([[1.0, 0.1], [-1.0, 0.4]])))
     chaotic = discrete_map(lambda x, p: (3.9 * x[0] * (1 - x[0]),), {}, ("x",))
     assert prove(find_basins(chaotic, CellGrid((0.1,), (0.9,), (20,)))).share == 0.0
+
+
+def test_a_proof_of_no_cell_tells_what_is_proved():
+    """With cells wider than its ball an attractor is proved and no label."""
+    slow = discrete_map(lambda x, p: (x[0] * (0.97 + 4.0 * x[0] ** 2),), {}, ("x",))
+    found = prove(find_basins(slow, CellGrid((-0.08,), (0.08,), (2,))), splits=0, max_periods=0)
+    assert found.share == 0.0
+    assert "no label is proved, though 1 of 1 attractors are" in repr(found)

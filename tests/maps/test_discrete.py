@@ -136,6 +136,7 @@ def test_the_bounded_fraction_of_henons_map(henon_map: PointMap) -> None:
     [
         ({"function": 3}, TypeError, r"function=3: give a function of \(x, p\)"),
         ({"function": lambda x: x}, TypeError, r"function must be callable as function\(x, p\)"),
+        ({"function": lambda x, p: p.a * x}, TypeError, r"x and p are tuples: write x\[0\]"),
         ({"function": lambda x, p: None}, TypeError, "function returns None: return a tuple"),
         ({"function": lambda x, p: 1.0}, TypeError, "function returns 1.0: return a tuple"),
         ({"function": lambda x, p: (x[0],)}, ValueError, "function returns 1 components for 2 coordinates"),

@@ -118,7 +118,8 @@ def test_centres_edges_and_widths() -> None:
     ("change", "error", "message"),
     [
         ({"lower": (1.0, 0.0)}, ValueError, "the window is empty or inverted"),
-        ({"lower": (2.0, 0.0)}, ValueError, "the window is empty or inverted"),
+        ({"lower": (2.0, 0.0)}, ValueError, "empty or inverted.*lower has the lower ends of all axes"),
+        ({"shape": (4.0, 4)}, TypeError, "shape=4.0: give a whole number, the int 4"),
         ({"lower": (nan, 0.0)}, ValueError, "lower=.*: a window has finite corners"),
         ({"upper": (inf, 1.0)}, ValueError, "upper=.*: a window has finite corners"),
         ({"upper": ("one", 1.0)}, TypeError, "upper=.*: give one number for each coordinate"),

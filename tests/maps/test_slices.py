@@ -38,7 +38,8 @@ def test_a_slice_is_where_it_is_said_to_be(tmp_path):
     assert basins.verify(50).wrong == 0
     save_basins(basins, tmp_path / "slice.h5")
     assert load_basins(tmp_path / "slice.h5").grid == SLICE
-    assert plot.basins(basins).get_ylabel() == "$v$"
+    ax = plot.basins(basins)
+    assert (ax.get_ylabel(), ax.get_title()) == ("$v$", "wells, $z$ = 0.5")
     assert uncertainty_exponent(basins, max_pairs=5000).dimension == 2
     assert image_uncertainty_exponent(basins).dimension == 2
 

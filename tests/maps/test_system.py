@@ -98,6 +98,20 @@ def test_functions_of_many_kinds() -> None:
         assert system(rhs=rhs).derivative(0.0, (1.0, 2.0)) == duffing(0.0, (1.0, 2.0), system().parameters)
 
 
+def unpacking(t: float, x: tuple[float, ...], p: Any) -> tuple[float, ...]:
+    q, v = x
+    return v, -q
+
+
+def test_numpy_functions_of_the_state_as_a_whole() -> None:
+    """Their formulas are known, as those of the same function by components."""
+    whole = stroboscopic_map(system(rhs=lambda t, x, p: np.sin(x)))
+    parts = stroboscopic_map(system(rhs=lambda t, x, p: (sin(x[0]), sin(x[1]))))
+    assert np.array_equal(whole([0.3, -1.0]), parts([0.3, -1.0]))
+    with pytest.raises(TypeError, match="cannot be compiled"):  # of pairs one is the larger: not of their entries
+        stroboscopic_map(system(rhs=lambda t, x, p: max((-x[0], -x[1]), (-x[1], 2.0 * x[0]))))
+
+
 def test_a_right_hand_side_that_is_not_defined_everywhere() -> None:
     assert system(rhs=lambda t, x, p: (sqrt(cos(t) - 0.9), -x[1]), period=2 * pi).dimension == 2
 
@@ -111,6 +125,10 @@ def test_a_right_hand_side_that_is_not_defined_everywhere() -> None:
         ({"rhs": lambda t, x, p: 1.0}, TypeError, "rhs must be callable .* and return a tuple"),
         ({"rhs": lambda t, x, p: (x[1],)}, ValueError, r"rhs returns 1 components for 2 coordinates \(q, v\)"),
         ({"rhs": lambda t, x, p: (*x, 0.0)}, ValueError, r"rhs returns 3 components for 2 coordinates \(q, v\)"),
+        ({"rhs": lambda t, x, p: -0.5 * x}, TypeError, r"x and p are tuples: write x\[0\], x\[1\], .* np.array"),
+        ({"rhs": lambda t, x, p: (x[1], absent * x[0])}, ValueError, "'absent' is not defined.*or make it a parameter"),  # noqa: F821
+        ({"rhs": unpacking, "coordinates": "qv"}, ValueError, r"coordinates='qv' has .* such as \('q', 'v'\)"),
+        ({"params": {"P": [1.0, 2.0]}}, TypeError, r"params\['P'\]=\[1.0, 2.0\]: .* or an array of them"),
         ({"rhs": lambda t, x, p: ("a", "b")}, TypeError, "its components must be real numbers"),
         ({"rhs": lambda t, x, p: (1j, 0.0)}, TypeError, "its components must be real numbers"),
         ({"rhs": lambda t, x, p: (x[1], p.absent)}, ValueError, "rhs asks for a parameter that params lacks"),

@@ -31,11 +31,16 @@ def _elementary(name: str) -> Callable[..., Any]:
         for argument in arguments:
             if isinstance(argument, Expression):
                 return argument.graph.apply(name, *arguments)
-            if isinstance(argument, np.ndarray) and argument.ndim:
+            if _is_vector(argument) and (isinstance(argument, np.ndarray) or name not in _OF_ANY_NUMBER):
                 return np.vectorize(function, otypes=[object])(*arguments)
         return operation_on_numbers(name)(*arguments)
 
     return function
+
+
+def _is_vector(argument: Any) -> bool:
+    """Whether NumPy's functions take an argument by its entries: those of math do not, and have failed on numbers."""
+    return isinstance(argument, tuple | list) or (isinstance(argument, np.ndarray) and argument.ndim > 0)
 
 
 _KNOWN = {name: _elementary(name) for name in TABLE}

@@ -51,6 +51,10 @@ class Space:
         Without scales these are 1 where all coordinates have the same unit and none is an angle; else the period of an
         angle, and the extent of the set for the others.
         """
+        if hasattr(points, "labels"):
+            raise TypeError(
+                f"points={shown(points)}: give points, such as those of an attractor; basins go to boundary_dimension"
+            )
         array = real_array("points", points)
         if array.ndim != 2 or array.shape[1] < 1:
             raise ValueError(f"points has shape {array.shape}: give one point a row, in an array of shape (n, d)")

@@ -70,7 +70,10 @@ class Proof(ShownAsHtml, ConvertsToXarray):
         parts = "; ".join(
             f"{self.basins.label_name(k)} at least {in_figures(area)}" for k, area in self.areas.items() if area > 0.0
         )
-        return f"Proof({self.name}: {in_figures(100 * self.share)} % of the window; {parts or 'no label is proved'})"
+        known, sought = len(self.attractors), len(self.basins.attractors)
+        nothing = f"no label is proved, though {known} of {sought} attractors are: take smaller cells"
+        parts = parts or (nothing if known else "no label and no attractor is proved")
+        return f"Proof({self.name}: {in_figures(100 * self.share)} % of the window; {parts})"
 
     @property
     def name(self) -> str:
