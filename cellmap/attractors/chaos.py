@@ -211,19 +211,22 @@ def evenly(number: int, most: int = _ORBITS) -> Ints:
     return np.unique(np.linspace(0, number - 1, most).round().astype(int))
 
 
-def tested(point_map: PointMap, points: Floats, extent: Floats, periods: int) -> tuple[Floats, NDArray[Any]]:
+def tested(
+    point_map: PointMap, points: Floats, extent: Floats, periods: int, unanimous: bool = False
+) -> tuple[Floats, NDArray[Any]]:
     """Return the exponents of orbits (n, d), and what these say of each (n,): TRANSIENT where it is chaotic.
 
     Exponents of at most 0.01 that are not surely positive count as zero, as they are on a torus.
 
     Those of an orbit that comes back to where it was are not computed: it is on a cycle whatever they are.  Neither are
-    those of one that creeps to rest.
+    those of one that creeps to rest.  If nothing but `unanimous` chaos counts, none are where there is such an orbit:
+    the others are ENDING.
     """
     back, creeps = _returns(point_map, points, extent), creeping(point_map, points, extent).found
     exponents = np.full((len(points), min(points.shape[1], SAMPLED)), np.nan)
     errors, rates = np.full(len(points), np.nan), np.full(len(points), np.nan)
     moving = ~back & ~creeps
-    if moving.any():
+    if moving.all() or (moving.any() and not unanimous):
         exponents[moving], errors[moving], rates[moving] = _spectrum(point_map, points[moving], extent, periods)
     with np.errstate(invalid="ignore"):
         chaotic = is_positive(exponents.max(axis=-1), errors)

@@ -21,7 +21,7 @@ _SAMPLED = 256  # periods of the orbits that show where the sets are
 
 def are_chaotic(point_map: PointMap, points: Floats, extent: Floats) -> bool:
     """Tell whether exponents of 32 of some orbits (n, dimension), evenly spread, show that all of these are chaotic."""
-    reasons = tested(point_map, points[evenly(len(points))], extent, EXPONENT_PERIODS)[1]
+    reasons = tested(point_map, points[evenly(len(points))], extent, EXPONENT_PERIODS, unanimous=True)[1]
     return bool((reasons == Reason.TRANSIENT).all())
 
 
