@@ -144,6 +144,8 @@ def node_stability(
     if not nodes:
         raise ValueError("nodes is empty: give the coordinates of at least one node")
     numbers, found = random_numbers(rng), []
+    if not isinstance(nodes, Mapping):
+        raise TypeError(f"nodes={shown(nodes)}: give a mapping of names of nodes to their coordinates")
     for node, given in nodes.items():
         if not isinstance(given, Mapping) and not callable(given):
             raise TypeError(f"nodes[{node!r}]={shown(given)}: give ranges of coordinates by name, or a distribution")

@@ -107,7 +107,9 @@ def random_box(attractor: Attractor, ranges: Mapping[str, Sequence[float]]) -> R
            [ 1.        , -0.46042657]])
     """
     if not isinstance(ranges, Mapping):
-        raise TypeError(f"ranges={shown(ranges)}: give a mapping of coordinates to their bounds, such as {{'q': (-1, 1)}}")
+        raise TypeError(
+            f"ranges={shown(ranges)}: give a mapping of coordinates to their bounds, such as {{'q': (-1, 1)}}"
+        )
     columns = chosen_coordinates("ranges", list(ranges), attractor.coordinates)
     bounds = {}
     for name, given in ranges.items():
