@@ -85,7 +85,7 @@ class Region:
         lines, halves = [], np.empty(d)
         for j in range(d):
             edges = self.edges(j)
-            # A window that goes round may be a little longer than the circle.
+            # A window of a whole circle may be a little longer than the circle.
             excess = max(edges[-1] - edges[0] - turn[j], 0.0)
             if wraps[j]:
                 # An angle that is a full rotation away, by a period that is known to a unit in the last place.
