@@ -151,6 +151,10 @@ def symmetric_groups(basins: Basins, symmetries: Mapping[str, Symmetry] | None =
     low, high = points.min(axis=0), points.max(axis=0)
     extent = np.where(high > low, high - low, 1.0)
     probes = np.random.default_rng(0).uniform(low, low + extent, (_PROBES, exact.dimension))
+    if symmetries is not None and not isinstance(symmetries, Mapping):
+        raise TypeError(
+            f"symmetries={shown(symmetries)}: give a mapping of names to functions, or None for the usual ones"
+        )
     chosen = dict(_candidates(exact.coordinates)) if symmetries is None else dict(symmetries)
     holding: dict[str, Symmetry] = {}
     for name, symmetry in chosen.items():
