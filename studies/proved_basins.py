@@ -92,10 +92,12 @@ def inverted_states() -> list[ProvedOrbit]:
 
 def draw(panels: Sequence[Panel]) -> Figure:
     """Draw what is proved, beside one another."""
+    columns = min(2, len(panels))
+    rows = -(-len(panels) // columns)
     figure, axes = plt.subplots(
-        1, len(panels), figsize=(4.2 * len(panels), 5.0), layout="constrained", sharey=True, squeeze=False
+        rows, columns, figsize=(7.5 * columns, 6.0 * rows), layout="constrained", sharey=True, squeeze=False
     )
-    for ax, panel in zip(axes[0], panels, strict=True):
+    for ax, panel in zip(axes.flat, panels, strict=True):
         plot.proof(panel.proof, ax=ax)
         ax.set_title(f"A = {1e3 * panel.amplitude:g} mm: {np.floor(1e3 * panel.proof.share) / 10:.1f} % proved")
         ax.label_outer()
