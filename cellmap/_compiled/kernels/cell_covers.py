@@ -296,7 +296,7 @@ def ball_around(centre, generators, count, box, balls, turn, rounding):
                     spread += d * rounding.unit * abs(forms[b, i, j] * generators[j, k])
                 spread += abs(along)
             reach = (abs(at) + spread) * rounding.wider
-            total += reach * reach
+            total += reach * reach + rounding.tiny  # squares may vanish
         if total * rounding.wider < radii[b] * radii[b]:
             return b
     return -1
