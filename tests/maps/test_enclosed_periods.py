@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import random
 from collections.abc import Callable
@@ -240,6 +241,44 @@ def test_every_part_of_a_step_is_needed(what: str | None, monkeypatch: pytest.Mo
     with np.errstate(all="ignore"):
         worst = worst_of(forms, text, centres, halves, rng, values)
     assert worst <= 1.0 if what is None else worst > 1.0
+
+
+SECOND_LEFT_OUT = {
+    "bends of a step": ("*zip(second[i], squares[p], strict=True), ", ""),
+    "bends from before": (", *((far[i][k], bends[k][p]) for k in d)", ""),
+    "errors of bends in the result": ("bent[i][p].m, bounds[p][i])", "bent[i][p].m)"),
+    "bends in spreads": ("products(reach, halves), ", ""),
+    "bends in derivatives": (", products([reach[number[j, k]] for k in d], w)", ""),
+    "errors of images in spreads": ("halves), off[i])", "halves))"),
+    "bends in the size of the set": ("products([entry.reach for entry in curved[i]], halves),", ""),
+    "errors of bends from before": ("hulls[p][i])", "0.0 * hulls[p][i])"),
+}
+
+
+@pytest.mark.parametrize("what", [None, *SECOND_LEFT_OUT])
+def test_every_part_of_second_order_is_needed(what: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Points of boxes are outside without it, or solutions that end within the period are said to be enclosed."""
+    monkeypatch.setattr(enclosed_periods, "_REMAINDER", 1.0)
+    monkeypatch.setattr(enclosures, "_COARSE", 0.0)
+    monkeypatch.setattr(enclosures, "_MANY", -1.0)
+    if what is not None:
+        source, (part, other) = inspect.getsource(enclosing_steps.SecondOrderStep), SECOND_LEFT_OUT[what]
+        assert source.count(part) == 1
+        names = dict(vars(enclosing_steps))
+        exec("from __future__ import annotations\n" + source.replace(part, other), names)
+        monkeypatch.setattr(flow_enclosures, "SecondOrderStep", names["SecondOrderStep"])
+    wrong, late = False, list(SECOND_LEFT_OUT)[-2:]
+    if what not in late:
+        text, values, rng = "x * x + 0.0 * t, -0.3 * y", PARAMETERS | {"w": 10.0}, np.random.default_rng(0)
+        centres = np.random.default_rng(1).uniform(-0.5, 0.5, (12, 2))
+        halves = np.repeat([0.3, 0.1, 1e-3], 4)[:, None] * np.ones(2)
+        forms = enclosed_images(flow_of(text, **values), centres, halves)
+        wrong = worst_of(forms, text, centres, halves, rng, values, 8) > 1.0
+    if what in (None, *late):
+        # From (0.8, 0) on, y grows beyond all bounds within 1.93 units of time; the period is 2.09.
+        ends = flow_of("0.0 * t, x * x * x + y * y * y", w=3.0)
+        wrong |= bool(enclosed_images(ends, [[0.0, 0.0]], [[0.8, 8e-3]]).proved.any())
+    assert wrong == (what is not None)
 
 
 def test_a_solution_that_ends_within_a_step_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
