@@ -245,7 +245,7 @@ def test_every_part_of_a_step_is_needed(what: str | None, monkeypatch: pytest.Mo
 
 SECOND_LEFT_OUT = {
     "bends of a step": ("*zip(second[i], squares[p], strict=True), ", ""),
-    "bends from before": (", *((far[i][k], bends[k][p]) for k in d)", ""),
+    "bends from before": (", *((near[i][k], bends[k][p]) for k in d)", ""),
     "errors of bends in the result": ("bent[i][p].m, bounds[p][i])", "bent[i][p].m)"),
     "bends in spreads": ("products(reach, halves), ", ""),
     "bends in derivatives": (", products([reach[number[j, k]] for k in d], w)", ""),

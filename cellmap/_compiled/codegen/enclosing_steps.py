@@ -125,9 +125,10 @@ class FirstOrderStep:
 class SecondOrderStep(FirstOrderStep):
     """A step with second derivatives.
 
-    With H the second derivative of F over the box, F(x) = F(c) + D (x - c) + H(x - c, x - c)/2 and DF(x) = D + H(x - c)
-    with D the derivative at the centre.  For a step with first derivative W and second derivative V over X, H becomes
-    V(DF, DF) + W H, in which W is that at the midpoint and V times the distance from there.
+    For a point x of the box, F(x) = F(c) + D (x - c) + H(x - c, x - c)/2 and DF(x) = D + H'(x - c), with D the
+    derivative at the centre and H, H' among the bends.  A step with the first derivative W at F(c) and second
+    derivatives V over the set has the bends W H + V(E, E), where E bounds D + H(x - c) over the box: F(x) is off F(c)
+    by E (x - c) for one such E, so W changes on the way there by no more than V E (x - c), which V(E, E) holds.
     """
 
     def write(self) -> None:
@@ -152,21 +153,17 @@ class SecondOrderStep(FirstOrderStep):
         middle = self._jacobian(self.at_point, rest)
         second = [[self._summed(self.over_box, rest, (1 + len(d) + p) * len(d) + i) for p in range(count)] for i in d]
 
-        def away(distances: list[Value]) -> Matrix:
-            """Return the derivative of the step so far away from the midpoint."""
-            return [
-                [
-                    Interval(
-                        code,
-                        middle[i][k].m,
-                        widened(middle[i][k].r, products([second[i][number[k, j]].reach for j in d], distances)),
-                    )
-                    for k in d
-                ]
-                for i in d
+        near = [
+            [
+                Interval(
+                    code,
+                    middle[i][k].m,
+                    widened(middle[i][k].r, products([second[i][number[k, j]].reach for j in d], self.off)),
+                )
+                for k in d
             ]
-
-        near, far = away(self.off), away(radii)
+            for i in d
+        ]
         over = [
             [
                 Interval(code, entry.m, widened(entry.r, products([curved[i][number[j, k]].reach for k in d], w)))
@@ -180,17 +177,15 @@ class SecondOrderStep(FirstOrderStep):
         ]
         bent = [
             [
-                Interval.dot([*zip(second[i], squares[p], strict=True), *((far[i][k], bends[k][p]) for k in d)])
+                Interval.dot([*zip(second[i], squares[p], strict=True), *((near[i][k], bends[k][p]) for k in d)])
                 for p in range(count)
             ]
             for i in d
         ]
         moved = self.errors.moved(near)
         frame = Frame.along(moved, self.lanes)
-        off, entries, lost = self._carried(
-            near, [self._summed(self.at_point, rest, i) for i in d], frame, stretched(frame, moved)
-        )
-        stretch = stretched(frame, self.errors.moved(far))
+        stretch = stretched(frame, moved)
+        off, entries, lost = self._carried(near, [self._summed(self.at_point, rest, i) for i in d], frame, stretch)
         bounds = [
             self.errors.carry(rows.curvature_errors[p::count], frame, stretch, [row[p] for row in bent])
             for p in range(count)
