@@ -46,7 +46,7 @@ def proof(proof: Proof, *, ax: Axes | None = None, colours: Mapping[int, Any] | 
     >>> from cellmap.basins import prove
     >>> halves = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"))
     >>> plot.proof(prove(find_basins(halves, CellGrid((-1, -1), (1, 1), (8, 8))))).get_xlabel()
-    'x'
+    '$x$'
     """
     basins = proof.basins
     grid = plane_of(basins)

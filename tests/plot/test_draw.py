@@ -40,6 +40,7 @@ NO_FIGURE = {
         "Iterate",
         "NormalForm",
         "OrbitClusters",
+        "ProvedOrbit",
         "RandomStates",
         "SectionMap",
         "SubdivisionSearch",
