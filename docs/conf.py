@@ -15,7 +15,6 @@ os.environ.setdefault("CELLMAP_CACHE_DIR", str(HERE.parent / ".pytest_cache" / "
 
 import inventories
 from alternative_text import FigureScraper
-from sphinx.builders.html import StandaloneHTMLBuilder
 
 import cellmap
 
@@ -86,8 +85,6 @@ gc.freeze()
 gc.set_threshold(100_000, 20, 100)
 
 html_math_renderer = "mathml"
-# Nobody searches in a build that only checks the pages, and the words of all pages take time.
-StandaloneHTMLBuilder.search = os.environ.get("CELLMAP_STUDIES") != "skip"
 
 html_theme = "pydata_sphinx_theme"
 html_title = f"cellmap {release}"
