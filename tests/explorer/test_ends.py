@@ -68,11 +68,12 @@ def test_an_image_that_is_cancelled_ends_at_once(page: Page, monkeypatch: pytest
 
 
 def test_a_film_that_is_stopped_goes_on(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
-    released, frames, computed = threading.Event(), Images.frames, list[float]()
+    begun, released, frames, computed = threading.Event(), threading.Event(), Images.frames, list[float]()
 
     def waiting(self: Images, view: View, *arguments: Any) -> Any:
         computed.append(view.params["keep"])
         if view.params["keep"] > 0.62:
+            begun.set()
             released.wait(20.0)
         return frames(self, view, *arguments)
 
@@ -84,6 +85,7 @@ def test_a_film_that_is_stopped_goes_on(page: Page, monkeypatch: pytest.MonkeyPa
     assert values == [v for v in (0.5, 0.55, 0.6) if v in values], "a slow page is not sent all images"
     assert values[-1] == 0.6
     assert {(f["film"]["of"], *f["film"]["values"]) for f in seen} == {(5, "keep")}
+    assert begun.wait(20.0)
     page.send("cancel", of=request)
     answer = page.receive()
     assert (answer["request"], answer["cancelled"], answer["done"], answer["of"]) == (request, True, 3, 5)
