@@ -41,6 +41,11 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(ClosedFigures())
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """Take one process more than there are cores: those that wait for a browser or a server leave theirs idle."""
+    return (os.cpu_count() or 1) + 1
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
     """Keep modules and collected tests, which stay to the end, out of what is searched for garbage again and again."""
