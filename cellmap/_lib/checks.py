@@ -261,8 +261,11 @@ def parameter_entries(params: Mapping[str, Any]) -> dict[str, Any]:
     return flat
 
 
-def changed_parameters(params: Mapping[str, float], changes: Mapping[str, Any], what: str) -> dict[str, Any]:
-    """Return the entries of changes, all of which must be those of a system or map (`what`)."""
+def changed_parameters(params: Mapping[str, float], values: Any, named: Mapping[str, Any], what: str) -> dict[str, Any]:
+    """Return the entries of changes, a mapping and those by name, all of which must be those of a system or map."""
+    if values is not None and not isinstance(values, Mapping):
+        raise TypeError(f"values={shown(values)}: give a dictionary of parameters, or parameters by their names")
+    changes = {**(values or {}), **named}
     flat = parameter_entries(changes)
     if unknown := flat.keys() - params.keys():
         raise ValueError(f"params has no {sorted(unknown)}: this {what} has {sorted(params)}")

@@ -164,15 +164,22 @@ class PointMap(ShownAsHtml):
         """Number of state variables."""
         return len(self.coordinates)
 
-    def with_params(self, **changes: ArrayLike) -> PointMap:
+    def with_params(self, values: Mapping[str, ArrayLike] | None = None, /, **changes: ArrayLike) -> PointMap:
         """Return the map with some parameters changed; an interpolated map is computed again.
+
+        Parameters
+        ----------
+        values : mapping of str to float or array_like, optional
+            New values by the names of parameters, ``with_params({"gamma": 0.3})``.
+        **changes : float or array_like
+            The same as keywords, which come after those of `values`.
 
         Raises
         ------
         ValueError
             For a name that the map does not have, or a map that was built without parameter dependence.
         """
-        entries = changed_parameters(self.params, changes, "map")
+        entries = changed_parameters(self.params, values, changes, "map")
         return self.specified.with_params({**self.params, **entries}).build()
 
     @property

@@ -214,20 +214,22 @@ class ForcedSystem:
         """Parameters as the named tuple that the right-hand side receives."""
         return parameter_record(tuple(self.params))(*self.params.values())
 
-    def with_params(self, **changes: ArrayLike) -> ForcedSystem:
+    def with_params(self, values: Mapping[str, ArrayLike] | None = None, /, **changes: ArrayLike) -> ForcedSystem:
         """Return the system with some parameters changed, as in ``with_params(gamma=0.3)``.
 
         Parameters
         ----------
+        values : mapping of str to float or array_like, optional
+            New values by the names of parameters, ``with_params({"gamma": 0.3})``.
         **changes : float or array_like
-            New values by the names of parameters; of a dictionary by ``with_params(**values)``.
+            The same as keywords, which come after those of `values`.
 
         Raises
         ------
         ValueError
             For a name that the system does not have.
         """
-        entries = changed_parameters(self.params, changes, "system")
+        entries = changed_parameters(self.params, values, changes, "system")
         return replace(self, params={**self.params, **entries})
 
     def signs(self, t: float, x: Sequence[float]) -> tuple[float, ...]:

@@ -77,5 +77,6 @@ def draw(result: Any, *, ax: Axes | None = None, **options: Any) -> Axes | tuple
                 raise TypeError(f"basins is missing: a {kind.__name__} is drawn on basins, so give them as basins=")
             drawn: Axes | tuple[Axes, ...] = FIGURES[kind](result, ax=ax, **options)
             return drawn
-    known = ", ".join(sorted(kind.__name__ for kind in FIGURES))
-    raise TypeError(f"result={shown(result)}: there is no figure of it; give one of {known}, or what has a fit")
+    several = isinstance(result, list | tuple) and bool(result) and type(result[0]) in FIGURES
+    what = "its entries, each alone" if several else f"one of {', '.join(sorted(kind.__name__ for kind in FIGURES))}"
+    raise TypeError(f"result={shown(result)}: there is no figure of it; give {what}, or what has a fit")

@@ -57,6 +57,9 @@ def test_parameters_are_copied_and_become_floats() -> None:
 def test_changed_parameters_make_another_system() -> None:
     one = system()
     other = one.with_params(gamma=0.3)
+    assert one.with_params({"gamma": 0.3}).params == one.with_params({"gamma": 0.1}, gamma=0.3).params == other.params
+    with pytest.raises(TypeError, match=r"values=0\.3: give a dictionary of parameters"):
+        one.with_params(0.3)  # type: ignore[arg-type]
     assert (one.parameters.gamma, other.parameters.gamma) == (0.2, 0.3)
     assert other.rhs is one.rhs
     assert (other.name, other.axes, other.length) == (one.name, one.axes, one.length)

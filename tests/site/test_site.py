@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from browser_pages import PROGRAM
-from playwright.sync_api import Browser, BrowserContext, sync_playwright
+from browser_pages import launched
+from playwright.sync_api import Browser, BrowserContext
 
 SITE = Path(__file__).parents[2] / "docs" / "_build" / "html"
 WITH_FORMULAS = (
@@ -21,12 +21,8 @@ SEEN = "document.body.innerText"
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    if PROGRAM is None:
-        pytest.skip("no Chromium on this machine: install one, or name it in CELLMAP_BROWSER")
-    with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=PROGRAM, args=["--no-sandbox"])
+    with launched() as running:
         yield running
-        running.close()
 
 
 @pytest.fixture

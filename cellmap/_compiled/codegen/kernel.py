@@ -326,7 +326,7 @@ def _called(
     except TypeError as error:
         found = _traced(function, dimension, names)
         raise TypeError(
-            f"{function!r} cannot be compiled: write it with plain arithmetic, functions of math, tuples, and branches "
-            f"on numbers. {f'Its formulas are not known: {found}. ' if isinstance(found, str) else ''}"
+            f"{getattr(function, '__qualname__', function)} cannot be compiled: write it with plain arithmetic, "
+            f"functions of math, tuples, and branches on numbers. {f'Its formulas are not known: {found}. ' if isinstance(found, str) else ''}"
             f"The compiler says: {error}"
         ) from error

@@ -12,9 +12,10 @@ from math import pi, sin
 from typing import Any
 
 import numpy as np
+import pytest
 from matplotlib.image import imread
 from numpy.typing import NDArray
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, sync_playwright
 
 from cellmap import CellGrid, ForcedSystem, angle, discrete_map
 from cellmap.explorer import Explored, ExploredScene
@@ -77,6 +78,17 @@ WebSocket.prototype.send = function (text) {
 WHOLE = (
     "window.frames.some((f) => f.complete && f.request === window.asked) && document.getElementById('preview').hidden"
 )
+
+
+@contextlib.contextmanager
+def launched() -> Iterator[Browser]:
+    """Start a browser for tests, which are skipped where there is none."""
+    if PROGRAM is None:
+        pytest.skip("no Chromium on this machine: install one, or name it in CELLMAP_BROWSER")
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=PROGRAM, args=["--no-sandbox"])
+        yield running
+        running.close()
 
 
 @contextlib.contextmanager

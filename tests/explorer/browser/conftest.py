@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from browser_pages import GALLERY, PROGRAM, opened
-from playwright.sync_api import Browser, Page, sync_playwright
+from browser_pages import GALLERY, launched, opened
+from playwright.sync_api import Browser, Page
 
 from cellmap.explorer import Explorer
 from cellmap.explorer.serving import serve
@@ -20,12 +20,8 @@ def explorer() -> Iterator[Explorer]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    if PROGRAM is None:
-        pytest.skip("no Chromium on this machine: install one, or name it in CELLMAP_BROWSER")
-    with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=PROGRAM, args=["--no-sandbox"])
+    with launched() as running:
         yield running
-        running.close()
 
 
 @pytest.fixture
