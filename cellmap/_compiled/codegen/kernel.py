@@ -325,8 +325,8 @@ def _called(
         return compiled_untraced(function, write, dimension, names)
     except TypeError as error:
         found = _traced(function, dimension, names)
+        unknown = f"Its formulas are not known: {found}. " if isinstance(found, str) else ""
         raise TypeError(
             f"{getattr(function, '__qualname__', function)} cannot be compiled: write it with plain arithmetic, "
-            f"functions of math, tuples, and branches on numbers. {f'Its formulas are not known: {found}. ' if isinstance(found, str) else ''}"
-            f"The compiler says: {error}"
+            f"functions of math, tuples, and branches on numbers. {unknown}The compiler says: {error}"
         ) from error
