@@ -15,6 +15,7 @@ and radii, and lasts as long as ``length`` and ``spread`` say, its midpoint and 
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
 from typing import Any
@@ -75,11 +76,14 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class CompiledEnclosure:
-    """A function ``enclose`` in memory, for boxes in d dimensions; of a flow with series of some order, else 0."""
+    """A function ``enclose`` in memory, for boxes in d dimensions; of a flow with series of some order, else 0.
+
+    ``code`` returns what holds the function, given how many more steps of boxes it is needed for.
+    """
 
     rows: Rows
     order: int
-    code: MachineCode
+    code: Callable[[int], MachineCode]
 
     def __call__(
         self, state: Floats, count: int, p: Floats, times: Floats | None = None, step: tuple[float, float] = (0.0, 0.0)
@@ -90,13 +94,14 @@ class CompiledEnclosure:
         if times is not None:
             arguments += [len(times), times.ctypes.data, *step]
             kinds += [ctypes.c_int64, address, ctypes.c_double, ctypes.c_double]
-        ctypes.CFUNCTYPE(None, *kinds)(self.code.address("enclose"))(*arguments)
+        code = self.code(count if times is None else count * len(times))
+        ctypes.CFUNCTYPE(None, *kinds)(code.address("enclose"))(*arguments)
 
 
 def discrete_enclosure(trace: Trace, parameters: int) -> CompiledEnclosure:
     """Compile the enclosure of a traced discrete map."""
-    rows = Rows.of(len(trace.states))
-    return CompiledEnclosure(rows, 0, machine_code(discrete_text(enclosable(trace), parameters, vector_width())))
+    code = machine_code(discrete_text(enclosable(trace), parameters, vector_width()))
+    return CompiledEnclosure(Rows.of(len(trace.states)), 0, lambda _: code)
 
 
 def discrete_text(trace: Trace, parameters: int, width: int) -> str:

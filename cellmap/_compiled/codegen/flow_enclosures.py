@@ -20,7 +20,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from ..machine_code import machine_code, vector_width
+from ..forking import COMPILING
+from ..machine_code import MachineCode, machine_code, vector_width
 from .derivative import along, frame_traces
 from .enclosing_steps import FirstOrderStep, SecondOrderStep, pairs_of
 from .enclosures import CompiledEnclosure, Lanes, Rows
@@ -31,7 +32,8 @@ from .methods import series_work
 from .taylor import Series, Structure
 from .trace import CONSTANT, TIMED, Trace
 
-_LONG = 25_000  # lines, from which on less than optimal code saves seconds
+_LONG = 25_000  # lines, from which on it takes long to find registers
+_ENOUGH = 400_000  # steps of boxes, by which code that keeps values in memory has lost as much time as it has saved
 
 
 def flow_enclosure(trace: Trace, parameters: int, order: int, second: bool = False) -> CompiledEnclosure:
@@ -40,8 +42,25 @@ def flow_enclosure(trace: Trace, parameters: int, order: int, second: bool = Fal
     With `second` second derivatives over the boxes are enclosed as well, and make the enclosures of others narrower.
     """
     text = flow_text(enclosable(trace), parameters, order, vector_width(), second)
-    code = machine_code(text, quick=text.count("\n") > _LONG)
-    return CompiledEnclosure(_rows(len(trace.states), second), order, code)
+    return CompiledEnclosure(_rows(len(trace.states), second), order, _CodeForSteps(text))
+
+
+class _CodeForSteps:
+    """Machine code for more and more steps of boxes: compiled quickly at first, for most questions are about few boxes.
+
+    It is compiled well when it has been used for long.  Instructions have no flags, so that results have the same bits.
+    """
+
+    def __init__(self, text: str) -> None:
+        self._text, self._steps = text, 0
+        self._code = machine_code(text, quick=True)
+
+    def __call__(self, steps: int) -> MachineCode:
+        with COMPILING:
+            self._steps += steps
+            if self._steps > _ENOUGH and self._text.count("\n") <= _LONG:
+                self._code = machine_code(self._text)
+            return self._code
 
 
 def _rows(d: int, second: bool) -> Rows:
