@@ -60,8 +60,15 @@ $(INSTALLED)%: pyproject.toml $(PINS) | $(RUN)
 
 env: $(INSTALLED)test
 
+ifeq ($(MAKECMDGOALS),env-docs)
+# With what tests need: pip chooses versions once.
+$(INSTALLED)docs: pyproject.toml $(PINS) | $(RUN)
+	$(INSTALL) --editable '.[test,docs]'
+	@touch $(INSTALLED)test $@
+else
 # One after the other, with make -j as well.
 $(INSTALLED)docs: | $(INSTALLED)test
+endif
 $(INSTALLED)lab: | $(INSTALLED)video
 env-docs: $(INSTALLED)docs
 
