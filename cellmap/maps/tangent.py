@@ -45,16 +45,27 @@ def tangent_by_lanes(
     """
     d, k = dimension, dimension if directions is None else directions
     flat, lanes = points.reshape(-1, d), -(-k // together)
-    states = np.zeros((len(flat), lanes, 1 + together, d))
+    states = np.empty((len(flat), lanes, 1 + together, d))
+    states[:] = _directions(d, lanes, together)
     states[:, :, 0] = flat[:, None, :]
-    places = np.arange(min(d, lanes * together))  # so that the steps of a lane do not depend on k
-    states[:, places // together, 1 + places % together, places] = 1.0
     orbits = Orbits.starting(states.reshape(-1, (1 + together) * d))
     advance_on_threads(lambda some, _: tangent_step(some), orbits, 1)
     result = orbits.points.reshape(states.shape)
     images = result[:, 0, 0].reshape(points.shape)
     vectors = result[:, :, 1:].reshape(len(flat), lanes * together, d)[:, :k]
     return images, vectors.transpose(0, 2, 1).reshape(*points.shape, k)
+
+
+@functools.lru_cache(maxsize=64)
+def _directions(d: int, lanes: int, together: int) -> Floats:
+    """Return the vectors that lanes begin with behind their state; those in a lane do not depend on how many are asked.
+
+    Shape (lanes, 1 + together, d).
+    """
+    found = np.zeros((lanes, 1 + together, d))
+    for j in range(min(d, lanes * together)):
+        found[j // together, 1 + j % together, j] = 1.0
+    return found
 
 
 def tangent(
@@ -75,7 +86,8 @@ def tangent(
     if of_states is not None:
         derivative = functools.partial(of_states, directions=k)
     place = np.array(points, dtype=float).reshape(-1, d)
-    total = _identities(len(place), k)
+    total = np.empty((len(place), k, k))
+    total[:] = np.eye(k)
     rounds = None if np.ndim(periods) == 0 else np.broadcast_to(periods, points.shape[:-1]).ravel()
     for q in range(int(periods if rounds is None else rounds.max(initial=0))):
         check_stop()
@@ -133,12 +145,6 @@ def jacobian(point_map: PointMap, points: ArrayLike, periods: int = 1) -> Floats
     exact = point_map.without_table
     initial_conditions = state_points("points", points, exact.coordinates)
     return tangent(exact, initial_conditions, whole_number("periods", periods), coarse=True)[1]
-
-
-def _identities(number: int, size: int) -> Floats:
-    found = np.zeros((number, size, size))
-    found[:, range(size), range(size)] = 1.0
-    return found
 
 
 def _one_step(
