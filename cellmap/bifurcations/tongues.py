@@ -30,7 +30,7 @@ _ROUNDS = 12
 _REACH = 0.25  # distance in extents of the locked orbit from where orbits end
 _LOCKED = 1e-9  # difference of rotation numbers that counts as none
 _WIDER = 4.0  # part of its width by which a tongue is left on either side when its borders are looked for,
-_FURTHER = 16.0  # and factor by which it is left further where they are not there, as when orbits settle slowly
+_FURTHER = 256.0  # and factor by which it is left further where they are not there, as when orbits settle slowly
 
 
 @dataclass(frozen=True, eq=False)
