@@ -45,6 +45,45 @@ declare ptr @PyEval_SaveThread()
 declare void @PyEval_RestoreThread(ptr)
 declare void @Py_IncRef(ptr)
 """
+# What entries ask of each argument: comparisons with the objects that they keep, of which %place is the first.
+_QUESTIONS = f"""
+define internal i1 @same(ptr %self, i64 %place, ptr %object, i64 %offset) noinline {{
+  %field = getelementptr i8, ptr %object, i64 %offset
+  %found = load ptr, ptr %field
+  %wanted = call ptr @PyTuple_GetItem(ptr %self, i64 %place)
+  %same = icmp eq ptr %found, %wanted
+  ret i1 %same
+}}
+define internal i1 @is_tuple(ptr %self, i64 %place, ptr %object, i64 %length) noinline {{
+  %typed = call i1 @same(ptr %self, i64 %place, ptr %object, i64 {_HEAD - 8})
+  br i1 %typed, label %tuple, label %other
+tuple:
+  %size = call i64 @PyTuple_Size(ptr %object)
+  %long = icmp eq i64 %size, %length
+  ret i1 %long
+other:
+  ret i1 false
+}}
+define internal i1 @is_array(ptr %self, i64 %place, ptr %object, i32 %axes, i32 %asked, i32 %flags) noinline {{
+  %typed = call i1 @same(ptr %self, i64 %place, ptr %object, i64 {_HEAD - 8})
+  br i1 %typed, label %array, label %other
+array:
+  %next = add i64 %place, 1
+  %of_items = call i1 @same(ptr %self, i64 %next, ptr %object, i64 {_DESCR})
+  %axes_place = getelementptr i8, ptr %object, i64 {_DIMENSIONS}
+  %axes_found = load i32, ptr %axes_place
+  %as_many = icmp eq i32 %axes_found, %axes
+  %flags_place = getelementptr i8, ptr %object, i64 {_FLAGS}
+  %all_flags = load i32, ptr %flags_place
+  %flags_found = and i32 %all_flags, %asked
+  %laid_out = icmp eq i32 %flags_found, %flags
+  %shaped = and i1 %as_many, %laid_out
+  %suits = and i1 %shaped, %of_items
+  ret i1 %suits
+other:
+  ret i1 false
+}}
+"""
 _FAILURES = f"i32 {Failure.NO_MEMORY:d}, label %full  i32 {Failure.WRONG_VALUE:d}, label %negative"
 _RESULTS = {
     "int64": "call ptr @PyLong_FromLongLong(i64 %value)",
@@ -107,7 +146,7 @@ class EntryText:
         widened = "%wide = zext i1 %value to i64" if callee.result == "bool" else ""
         end = f"%result = {boxed}" if boxed else "%result = call ptr @PyTuple_GetItem(ptr %self, i64 1)"
         kept = "" if boxed else "call void @Py_IncRef(ptr %result)"
-        return f"""{_INTERFACE}
+        return f"""{_INTERFACE}{_QUESTIONS}
 define ptr @{NAME}(ptr %self, ptr %given, i64 %number) {{
   %place = alloca i32
   store i32 0, ptr %place
@@ -148,36 +187,31 @@ misfit:
 
     def _take(self, item: str, argument: Any) -> None:
         """Check the type of an object, and hand over what is in it."""
-        self._require_object(self._field(item, _HEAD - 8), type(argument))
         if isinstance(argument, np.ndarray):
             self._take_array(item, argument)
         elif isinstance(argument, tuple):
-            size = self._value(f"call i64 @PyTuple_Size(ptr {item})")
-            self._require(f"icmp eq i64 {size}, {len(argument)}")
+            self._require(f"call i1 @is_tuple({self._compared(item, type(argument))}, i64 {len(argument)})")
             for place, inner in enumerate(argument):
                 self._take(self._value(f"call ptr @PyTuple_GetItem(ptr {item}, i64 {place})"), inner)
-        elif isinstance(argument, float):
-            self._handed.append(f"double {self._value(f'call double @PyFloat_AsDouble(ptr {item})')}")
         else:
-            self._handed.append(f"i64 {self._value(f'call i64 @PyLong_AsLongLong(ptr {item})')}")
+            self._require(f"call i1 @same({self._compared(item, type(argument))}, i64 {_HEAD - 8})")
+            kind, read = ("double", "PyFloat_AsDouble") if isinstance(argument, float) else ("i64", "PyLong_AsLongLong")
+            self._handed.append(f"{kind} {self._value(f'call {kind} @{read}(ptr {item})')}")
 
     def _take_array(self, item: str, array: np.ndarray[Any, Any]) -> None:
-        self._require_object(self._field(item, _DESCR), array.dtype)
-        dimensions = self._field(item, _DIMENSIONS, "i32")
-        self._require(f"icmp eq i32 {dimensions}, {array.ndim}")
         layout = _C if array.flags.c_contiguous else _F if array.flags.f_contiguous else 0
-        looked_at = _ALIGNED | _WRITEABLE | _C | (0 if layout == _C else _F)
+        asked = _ALIGNED | _WRITEABLE | _C | (0 if layout == _C else _F)
         wanted = _ALIGNED | layout | (_WRITEABLE if array.flags.writeable else 0)
-        flags = self._value(f"and i32 {self._field(item, _FLAGS, 'i32')}, {looked_at}")
-        self._require(f"icmp eq i32 {flags}, {wanted}")
+        compared = self._compared(item, type(array), array.dtype)
+        self._require(f"call i1 @is_array({compared}, i32 {array.ndim}, i32 {asked}, i32 {wanted})")
         lengths = self._fields(self._field(item, _SHAPE), array.ndim)
         numbers = lengths if layout == _C else lengths + self._fields(self._field(item, _STRIDES), array.ndim)
         self._handed += [f"ptr {self._field(item, _DATA)}", *(f"i64 {number}" for number in numbers)]
 
-    def _require_object(self, found: str, expected: Any) -> None:
-        wanted = self._value(f"call ptr @PyTuple_GetItem(ptr %self, i64 {len(self.expected)})")
-        self.expected.append(expected)
-        self._require(f"icmp eq ptr {found}, {wanted}")
+    def _compared(self, item: str, *expected: Any) -> str:
+        """Return the first arguments of a question: objects that are kept, and the one that is compared with them."""
+        self.expected += expected
+        return f"ptr %self, i64 {len(self.expected) - len(expected)}, ptr {item}"
 
     def _require(self, condition: str) -> None:
         met = self._value(condition)

@@ -129,8 +129,9 @@ def times_of_steps(
 ) -> tuple[Floats, tuple[float, float]]:
     """Return enclosures of the times at which equal steps begin (steps, 2), and of their length: (m, r)."""
     (t, dt), (period, spread) = (tuple(map(Fraction, pair)) for pair in (begin, length))
-    times = [_nearest(t + period * k / steps, dt + spread * k / steps) for k in range(steps)]
-    return np.array(times), _nearest(period / steps, spread / steps)
+    times = np.array([_nearest(t + period * k / steps, dt + spread * k / steps) for k in range(steps)])
+    times.flags.writeable = False  # all who ask are given this array
+    return times, _nearest(period / steps, spread / steps)
 
 
 def _nearest(exact: Fraction, radius: Fraction) -> tuple[float, float]:
