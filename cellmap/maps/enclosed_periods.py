@@ -67,10 +67,13 @@ def units_of(centres: Floats, half_widths: Floats) -> Floats:
     return np.stack([found, 1.0 / found], axis=1).ravel()
 
 
-def with_steps(pass_over: Pass, boxes: int, rows: int, order: int) -> Floats:
-    """Return the rows of enclosures of a period, each with as many steps as its remainder asks for; NaN without one."""
+def with_steps(pass_over: Pass, boxes: int, rows: int, order: int, steps: int = 0) -> tuple[Floats, int]:
+    """Return the rows of enclosures of a period, each with as many steps as its remainder asks for; NaN without one.
+
+    Most need a number of steps that is returned too, and need not be sought anew for another period.
+    """
     found, left = np.full((boxes, rows), np.nan), np.arange(boxes)
-    steps = _first_steps(pass_over, boxes, order)
+    usual = steps = steps or _first_steps(pass_over, boxes, order)
     most = min(_MOST, _CLIMB * steps)
     while left.size and steps <= most:
         new = pass_over(left, steps)
@@ -85,7 +88,7 @@ def with_steps(pass_over: Pass, boxes: int, rows: int, order: int) -> Floats:
         if left.size:
             typical = float(np.quantile(_needed(new[again, -1], steps, order), 0.75))
             steps = ceil(max(typical, _MORE * steps))
-    return found
+    return found, usual
 
 
 def _first_steps(pass_over: Pass, boxes: int, order: int) -> int:

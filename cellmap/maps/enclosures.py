@@ -9,23 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._compiled.codegen.enclosures import CompiledEnclosure, Rows
+from .._compiled.codegen.enclosures import Rows
 from .._compiled.codegen.expression import UntraceableError
-from .._lib.arrays import Bools, Floats, Ints
+from .._lib.arrays import Bools, Floats
 from .._lib.checks import finite_number, known_parameter, pair_of, real_array, shown
-from .._lib.stopping import check_stop
-from .._lib.threads import run_over, slices
 from .discrete import Discrete
-from .enclosed_periods import best_order, period_of, sample, times_of_steps, units_of, with_steps
+from .followed_boxes import FollowedBoxes, carried, started
 from .point_map import PointMap
 from .stroboscopic import Stroboscopic
 
-_COARSE = 0.15  # spread relative to half-widths, beyond which second derivatives are worth their work
-_MANY = 0.25  # of a sample
-_FEW = 3  # states, up to which they are compiled
 _LARGEST = 8  # states of a flow: beyond, code takes minutes to compile
-_WIDEST = 8  # lanes of a vector
-_TOGETHER = 1024  # boxes of a task; what depends on time alone is computed once for them
 
 Intervals = Mapping[str, Sequence[float]]
 """Intervals of parameters by name: the lower and the upper end."""
@@ -120,48 +113,24 @@ def enclosed_images(
     try:
         if isinstance(spec, Discrete):
             kernel = spec.enclosure()
-            return _forms(kernel.rows, _enclosed(kernel, c, w, p))
-        return _over_a_period(spec, c, w, p, exact=not parameters)
+            return _forms(kernel.rows, carried(kernel, started(kernel.rows, c, w), p))
+        boxes = FollowedBoxes(spec, c, w, p, exact=not parameters)
+        boxes.advance()
+        return _forms(boxes.kernel.rows, boxes.rows)
     except UntraceableError as error:
         raise ValueError(
             f"point_map={point_map!r}: {error}; write the function with analytic functions and without branches"
         ) from error
 
 
-def _over_a_period(spec: Stroboscopic, c: Floats, w: Floats, p: Floats, exact: bool) -> MeanValueForms:
-    """Return enclosures of a flow, with second derivatives if a sample of boxes is known too coarsely without them."""
-    begin, length = period_of(spec.system, spec.phase, p, exact)
-    order, p = best_order(c, w), np.concatenate([p, units_of(c, w)])
-
-    def forms_of(members: Ints, second: bool) -> MeanValueForms:
-        kernel, centres, half_widths = spec.enclosure(order, second), c[members], w[members]
-
-        def pass_over(some: Ints, steps: int) -> Floats:
-            return _enclosed(kernel, centres[some], half_widths[some], p, *times_of_steps(begin, length, steps))
-
-        return _forms(kernel.rows, with_steps(pass_over, len(members), kernel.rows.count, order))
-
-    everything = np.arange(len(c))
-    some = sample(everything)
-    tried = forms_of(some, second=False)
-    coarse = (tried.spreads > _COARSE * w[some]) & (w[some] > 0.0)
-    second = spec.system.dimension <= _FEW and len(c) > 0 and float(np.mean(coarse.any(axis=1))) > _MANY
-    return tried if len(some) == len(c) and not second else forms_of(everything, second)
-
-
-def _enclosed(kernel: CompiledEnclosure, c: Floats, w: Floats, p: Floats, *steps: Any) -> Floats:
-    """Return the rows of a kernel for boxes, shape (n, rows)."""
-    rows = kernel.rows
-    found = np.empty((len(c), rows.count))
-
-    def enclose(part: slice) -> None:
-        check_stop()
-        state, count = _state(rows, c[part], w[part])
-        kernel(state, count, p, *steps)
-        found[part] = state.T[:count]
-
-    run_over(slices(len(c), _TOGETHER), enclose)
-    return found
+def followed_boxes(
+    point_map: PointMap, centres: Floats, half_widths: Floats, parameters: Intervals | None = None
+) -> FollowedBoxes | None:
+    """Return boxes (n, d) whose images are to be enclosed for many periods of a flow; None for a discrete map."""
+    spec, p = _enclosable(point_map), _parameters(point_map, parameters)
+    if isinstance(spec, Discrete):
+        return None
+    return FollowedBoxes(spec, centres, half_widths, p, exact=not parameters, far=True)
 
 
 def check_arithmetic() -> None:
@@ -223,17 +192,6 @@ def _parameters(point_map: PointMap, intervals: Intervals | None) -> Floats:
         middle = 0.5 * low + 0.5 * high
         found[name] = middle, 0.0 if low == high else float(np.nextafter(max(high - middle, middle - low), np.inf))
     return np.array([number for pair in found.values() for number in pair])
-
-
-def _state(rows: Rows, c: Floats, w: Floats) -> tuple[Floats, int]:
-    """Return the array of rows of boxes, filled up with copies of the first so that vectors are full."""
-    count = len(c)
-    state = np.zeros((rows.count, count + -count % _WIDEST))
-    state[rows.images, :count], state[rows.half_widths, :count] = c.T, np.where(w >= 0.0, w, np.nan).T
-    for identity in (rows.derivatives, rows.frame):
-        state[list(identity)[:: rows.d + 1]] = 1.0
-    state[:, count:] = state[:, :1]
-    return state, count
 
 
 def _forms(rows: Rows, found: Floats) -> MeanValueForms:

@@ -15,8 +15,8 @@ import numpy as np
 from ..loops import inlined, loop
 from .blocks import shortest
 
-Forms = namedtuple("Forms", "images image_radii derivatives derivative_radii")
-"""Mean-value forms of rows: images (n, d) and derivatives (n, d, d), and their radii."""
+Forms = namedtuple("Forms", "images derivatives spreads")
+"""Mean-value forms of rows: images (n, d), derivatives (n, d, d), and how far points are from what these say (n, d)."""
 
 Place = namedtuple("Place", "edges mids first cells wraps turn middle half largest")
 """Where cells are.
@@ -38,11 +38,10 @@ def mapped_cell(e, forms, half, rounding, centre, generators, box):
     known = True
     for i in range(d):
         centre[i] = forms.images[e, i]
-        spread = forms.image_radii[e, i]
+        spread = forms.spreads[e, i]
         for k in range(d):
             generators[i, k] = forms.derivatives[e, i, k] * half[k]
-            rounded = rounding.unit * abs(generators[i, k]) + rounding.tiny
-            spread += forms.derivative_radii[e, i, k] * half[k] + rounded
+            spread += rounding.unit * abs(generators[i, k]) + rounding.tiny
         box[i] = spread * rounding.wider
         known = known and box[i] < inf and abs(centre[i]) < inf
     return known
@@ -188,7 +187,7 @@ def list_met(forms, half, place, rounding, labels, met, counts, begin, end):
     """
     d = len(half)
     centre, box, generators = np.zeros(d), np.zeros(d), np.zeros((d, d))
-    normals, limits = np.zeros((6, d)), np.zeros(6)
+    normals, limits = np.zeros((d, d)), np.zeros(d)
     low, high, here = np.zeros(d, np.int64), np.zeros(d, np.int64), np.zeros(d, np.int64)
     for e in range(begin, end):
         counts[e] = 0

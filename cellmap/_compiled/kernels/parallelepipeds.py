@@ -1,8 +1,9 @@
 """Orbits of sets: parallelepipeds with a remainder in an orthogonal frame of its own (Lohner 1987).
 
-A set is {c + A s + Q t: |s_i| <= 1, |t_i| <= rho_i}.  A mean-value form over a box that holds it takes c to the image,
-A to its product with the derivative, and everything that is not known exactly into the remainder, whose frame is turned
-so that it does not grow by being wrapped into boxes.
+A set is {c + A s + Q t: |s_i| <= w_i, |t_i| <= rho_i}.  Those of flows are made of what their enclosures carry along.
+For discrete maps a mean-value form over a box that holds a set takes c to the image, A to its product with the
+derivative, and everything that is not known exactly into the remainder, whose frame is turned so that it does not grow
+by being wrapped into boxes.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from .cell_covers import (
     unwrap,
 )
 
-Sets = namedtuple("Sets", "centres shapes frames spreads hulls")
-"""Centres (n, d), shapes A (n, d, d), frames Q (n, d, d), spreads rho (n, d) and half-widths of boxes around (n, d)."""
+Sets = namedtuple("Sets", "centres shapes sizes frames spreads hulls")
+"""Centres (n, d), shapes A (n, d, m) with sizes w (n, m), frames Q (n, d, d) with spreads rho (n, d), and half-widths of
+boxes around (n, d)."""
 
 FAILED, GOING = -1, 0
 """Outcomes of a set without a label: it has no enclosed image or is too wide, or may go on."""
@@ -96,15 +98,13 @@ def astray(frame, rounding):
 
 
 @inlined(contract=False)
-def next_set(e, sets, forms, place, errors, product, frame, rounding):
+def next_set(e, sets, forms, errors, product, frame, rounding):
     """Replace a set by one that holds its image; tell whether there is one."""
-    centres, shapes, frames, spreads, hulls = sets
+    centres, shapes, sizes, frames, spreads, hulls = sets
     d = centres.shape[1]
-    # What is not known: images, derivatives over the hull, and products of matrices.
+    # What is not known: images of the hull, and products of matrices.
     for i in range(d):
-        errors[i] = forms.image_radii[e, i]
-        for k in range(d):
-            errors[i] += forms.derivative_radii[e, i, k] * hulls[e, k]
+        errors[i] = forms.spreads[e, i]
     for i in range(d):
         for k in range(d):
             total, scale = 0.0, 0.0
@@ -112,7 +112,7 @@ def next_set(e, sets, forms, place, errors, product, frame, rounding):
                 total += forms.derivatives[e, i, j] * shapes[e, j, k]
                 scale += abs(forms.derivatives[e, i, j] * shapes[e, j, k])
             product[i, k] = total
-            errors[i] += (d + 1.0) * (rounding.unit * scale + rounding.tiny)
+            errors[i] += (d + 1.0) * (rounding.unit * scale + rounding.tiny) * sizes[e, k]
     for i in range(d):
         for k in range(d):
             shapes[e, i, k] = product[i, k]
@@ -126,7 +126,6 @@ def next_set(e, sets, forms, place, errors, product, frame, rounding):
             errors[i] += (d + 1.0) * (rounding.unit * scale + rounding.tiny) * spreads[e, k]
         errors[i] *= rounding.wider
         centres[e, i] = forms.images[e, i]
-    unwrap(centres[e], errors, place, rounding)
     if not turned_frame(product, spreads[e], frame):
         return False
     left = astray(frame, rounding)
@@ -156,40 +155,50 @@ def next_set(e, sets, forms, place, errors, product, frame, rounding):
 
 
 @loop(contract=False)
-def carry_sets(sets, forms, place, balls, numbers, widest, labels, ranks, rounding, outcome, reached, begin, end):
-    """Carry sets over one period, in place, and write the label of those that are where all is proved with one label.
+def carry_sets(sets, forms, rounding, known, begin, end):
+    """Replace sets by those that hold their images, by mean-value forms over their hulls; tell which are known."""
+    d = sets.centres.shape[1]
+    errors, product, frame = np.zeros(d), np.zeros((d, d)), np.zeros((d, d))
+    for e in range(begin, end):
+        known[e] = next_set(e, sets, forms, errors, product, frame, rounding)
+
+
+@loop(contract=False)
+def find_sets(sets, known, place, balls, numbers, widest, labels, ranks, rounding, outcome, reached, begin, end):
+    """Write the label of known sets that are in a ball or where all is proved with one label, and their hulls.
 
     ``outcome`` (n,) is a label, GOING or FAILED; ``reached`` is one more than the ranks of the cells that a set
     meets.  Sets wider than `widest` (d,) along an axis fail.  Without ``labels`` only balls are looked at.
     """
-    d = len(widest)
-    errors, box = np.zeros(d), np.zeros(d)
-    product, frame, generators = np.zeros((d, d)), np.zeros((d, d)), np.zeros((d, 2 * d))
-    normals, limits = np.zeros((6, d)), np.zeros(6)
+    d, columns = len(widest), sets.shapes.shape[2]
+    count = columns + d
+    centre, box, generators = np.zeros(d), np.zeros(d), np.zeros((d, count))
+    normals, limits = np.zeros((count, d)), np.zeros(count)
     low, high, here = np.zeros(d, np.int64), np.zeros(d, np.int64), np.zeros(d, np.int64)
     for e in range(begin, end):
-        outcome[e], reached[e] = FAILED, 0
-        if not next_set(e, sets, forms, place, errors, product, frame, rounding):
-            continue
-        centre, narrow = sets.centres[e], True
+        outcome[e], reached[e], narrow = FAILED, 0, known[e]
         for i in range(d):
-            reach, scale = 0.0, 0.0
-            for k in range(d):
-                generators[i, k] = sets.shapes[e, i, k]
-                generators[i, d + k] = frame[i, k] * sets.spreads[e, k]
-                reach += abs(generators[i, k]) + abs(generators[i, d + k])
-                scale += rounding.unit * abs(generators[i, d + k]) + rounding.tiny
-            box[i] = scale * rounding.wider
+            reach, centre[i] = 0.0, sets.centres[e, i]
+            box[i] = 0.0
+            for k in range(count):
+                if k < columns:
+                    generators[i, k] = sets.shapes[e, i, k] * sets.sizes[e, k]
+                else:
+                    generators[i, k] = sets.frames[e, i, k - columns] * sets.spreads[e, k - columns]
+                reach += abs(generators[i, k])
+                box[i] += rounding.unit * abs(generators[i, k]) + rounding.tiny
+            box[i] *= rounding.wider
             sets.hulls[e, i] = (reach + box[i]) * rounding.wider
             narrow = narrow and sets.hulls[e, i] < widest[i]
         if not narrow:
             continue
         outcome[e] = GOING
-        b = ball_around(centre, generators, 2 * d, box, balls, place.turn, rounding)
+        unwrap(centre, box, place, rounding)
+        b = ball_around(centre, generators, count, box, balls, place.turn, rounding)
         if b >= 0:
             outcome[e], reached[e] = numbers[b], 1
             continue
-        if len(labels) == 0 or not box_of_cells(centre, generators, 2 * d, box, place, rounding, low, high):
+        if len(labels) == 0 or not box_of_cells(centre, generators, count, box, place, rounding, low, high):
             continue
         size = 1.0
         for i in range(d):
@@ -198,8 +207,8 @@ def carry_sets(sets, forms, place, balls, numbers, widest, labels, ranks, roundi
         label = np.int64(labels[cell_at(here, place)])
         if label <= 0 or size > _MOST:
             continue
-        number = normals_to(generators, 2 * d, rounding, normals)
-        limits_of(centre, generators, 2 * d, box, normals, number, place, rounding, limits)
+        number = normals_to(generators, count, rounding, normals)
+        limits_of(centre, generators, count, box, normals, number, place, rounding, limits)
         rank, more = np.int64(0), True
         for i in range(d):
             here[i] = low[i]

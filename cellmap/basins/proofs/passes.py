@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..._compiled.kernels.cell_covers import Forms, Place, cells_in_balls, list_met, prove_cells
-from ..._compiled.kernels.parallelepipeds import GOING, Sets, carry_sets
+from ..._compiled.kernels.cell_covers import Place, cells_in_balls, list_met, prove_cells
+from ..._compiled.kernels.parallelepipeds import GOING, find_sets
 from ..._lib.arrays import Floats, Ints
 from ..._lib.midpoint_radius import ROUNDING, Rounding
-from ..._lib.threads import progress_bar, run_over, slices
-from ...maps.enclosures import enclosed_images
+from ..._lib.threads import progress_bar, slices
 from ...maps.point_map import PointMap
 from ...orbits.contraction import ContractionBalls
+from .orbits_of_sets import forms_of, on_threads, orbits_of
 from .regions import ProvedCells, centres_of
 
 _ROWS = 2**16  # boxes that are enclosed together, for which memory is taken
-_TASK = 4096  # of these in a task of a thread
 _MOST = {1: 64, 2: 40, 3: 160}  # cells that the image of a provable one may meet
 _WIDEST = 0.12  # of the region, half-width of a set that is followed
 
@@ -68,9 +67,9 @@ class Machine:
         cells, found = np.flatnonzero(labels == 0), []
         for part in self._parts(len(cells), "enclosing cells"):
             mine = cells[part]
-            forms = Forms(*self._forms(centres_of(place, mine), half))
+            forms = forms_of(self.point_map, centres_of(place, mine), half, self.parameters)
             met, counts = np.empty((len(mine), _MOST[len(half)]), np.int32), np.empty(len(mine), np.int64)
-            _on_threads(len(mine), list_met, forms, half, place, self.rounding, labels, met, counts)
+            on_threads(len(mine), list_met, forms, half, place, self.rounding, labels, met, counts)
             some = counts > 0
             found.append((mine[some], counts[some], met[some][np.arange(met.shape[1]) < counts[some, None]]))
         joined = Met.joined(found)
@@ -94,27 +93,22 @@ class Machine:
 
     def _followed(self, centres: Floats, place: Place, labels: Any, ranks: Any, most: int) -> tuple[Ints, Ints, int]:
         """Follow boxes as parallelepipeds; return their labels, 0 where nothing is proved, ranks, and the work."""
-        n, d = centres.shape
-        half, unit = np.broadcast_to(place.half, (n, d)), np.broadcast_to(np.eye(d), (n, d, d))
-        sets = Sets(centres, unit * half[:, None, :], unit.copy(), np.zeros((n, d)), half.copy())
+        n = len(centres)
         found, rank, rows, count = np.zeros(n, np.int64), np.zeros(n, np.int64), np.arange(n), 0
+        orbits = orbits_of(self.point_map, centres, np.broadcast_to(place.half, centres.shape), self.parameters)
         for _ in range(most):
             if not len(rows):
                 break
             count += len(rows)
-            forms = Forms(*self._forms(sets.centres, sets.hulls))
+            sets, known = orbits.next()
             outcome, reached = np.empty(len(rows), np.int64), np.empty(len(rows), np.int64)
             where = place, self.balls, self.numbers, _WIDEST * self.extent, labels, ranks, self.rounding
-            _on_threads(len(rows), carry_sets, sets, forms, *where, outcome, reached)
+            on_threads(len(rows), find_sets, sets, known, *where, outcome, reached)
             done, going = outcome > 0, outcome == GOING
             found[rows[done]], rank[rows[done]] = outcome[done], reached[done]
-            sets, rows = Sets(*(a[going] for a in sets)), rows[going]
+            orbits.keep(going)
+            rows = rows[going]
         return found, rank, count
-
-    def _forms(self, centres: Floats, half: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return mean-value forms of boxes, as kernels take them."""
-        f = enclosed_images(self.point_map, centres, half, parameters=self.parameters)
-        return f.images, f.image_radii, f.derivatives, f.derivative_radii
 
     def _parts(self, total: int, what: str) -> Iterator[slice]:
         """Yield parts of the work, shown by a bar."""
@@ -143,12 +137,3 @@ class Met:
     def prove(self, proved: ProvedCells) -> int:
         """Prove what follows from the cells that are proved; return how many cells are new."""
         return int(prove_cells(self.cells, self.bounds, self.met, proved.labels.ravel(), proved.ranks.ravel()))
-
-
-def _on_threads(total: int, loop: Callable[..., Any], *arguments: Any) -> None:
-    """Run a loop over rows in tasks of one size."""
-
-    def work(part: slice) -> None:
-        loop(*arguments, part.start, part.stop)
-
-    run_over(slices(total, _TASK), work)

@@ -24,9 +24,10 @@ from ..record import Basins
 from .level_file import levels_kept
 from .passes import Machine
 from .proof import Proof
-from .regions import ProvedCells, alike, centres_of, region_of
+from .regions import ProvedCells, alike, centres_of, extremes, region_of
 
 _PLACES = 16  # where the periods of angles are checked
+_APART, _AT_LAST = 4, 12  # steps between settling times of neighbours, beyond which a proof is not tried
 _PROVABLE = (Kind.FIXED_POINT, Kind.PERIODIC, Kind.ROTATING)
 _BYTES = 60  # a cell: its label and rank with those of the level before, and the list of the cells that its image meets
 
@@ -46,8 +47,9 @@ def prove(
     another, so that there is one periodic orbit in them to which all points converge.  Then cells: one is proved if
     all cells that its enclosed image meets are proved with the same label, beginning with those that lie in a ball.
     Other cells are followed as parallelepipeds until they lie in proved cells or in a ball.  What remains is halved
-    along each axis, and tried again.  Cells one of whose neighbours has another label, by the map that the basins were
-    found with, are not tried before they are halved: this saves time, and no proof rests on it.
+    along each axis, and tried again.  Cells one of whose neighbours has another label or a quite different settling
+    time, by the map that the basins were found with, are not tried before they are halved: this saves time, and no
+    proof rests on it.
 
     Chaotic and quasi-periodic attractors are not proved, nor what converges to them.
 
@@ -133,7 +135,7 @@ def prove(
             proved = proved.refined() if level else proved
             done = kept.found(level, proved)
             if done is None:
-                done = _prove_level(machine, proved, basins, max_periods)
+                done = _prove_level(machine, proved, basins, max_periods, _APART if level < splits else _AT_LAST)
                 kept.finish(level, proved, done)
             boxes += done
     cost = Cost(seconds=time.perf_counter() - began, evaluations=boxes)
@@ -164,13 +166,13 @@ def _extent(basins: Basins) -> Floats:
     return np.asarray(np.where(turn > 0.0, turn, np.where(widths > 0.0, widths, np.maximum(spread, 1.0))))
 
 
-def _prove_level(machine: Machine, proved: ProvedCells, basins: Basins, most: int) -> int:
+def _prove_level(machine: Machine, proved: ProvedCells, basins: Basins, most: int, apart: int) -> int:
     """Prove cells of one size; return how many boxes were enclosed."""
     place = proved.region.place()
     machine.claim_balls(proved, place)
     if proved.region.is_slice:
         return machine.claim_orbits(proved, place, np.flatnonzero(proved.labels == 0), most)
-    proved.labels[(proved.labels == 0) & ~_promising(proved, place, basins)] = HOPELESS
+    proved.labels[(proved.labels == 0) & ~_promising(proved, place, basins, apart)] = HOPELESS
     met, boxes = machine.claim_images(proved, place)
     if most:
         within = np.zeros(proved.labels.shape, bool)
@@ -181,21 +183,31 @@ def _prove_level(machine: Machine, proved: ProvedCells, basins: Basins, most: in
     return boxes
 
 
-def _promising(proved: ProvedCells, place: Place, basins: Basins) -> Bools:
-    """Return the cells that have the label of all their neighbours, by the map that the basins were found with."""
+def _promising(proved: ProvedCells, place: Place, basins: Basins, apart: int) -> Bools:
+    """Return the cells that have the label of all their neighbours, and nearly their settling time.
+
+    Both are those of the map that the basins were found with.  Times that differ much tell of cells that are stretched
+    far before they come to their attractor; where a chaotic saddle is near, all are.
+    """
     region, labels, point_map = proved.region, proved.labels, basins.point_map
     assert point_map is not None
     around, within = np.zeros(labels.shape, bool), region.window
+    known = labels[within]
     if region.level == 0:
-        found = basins.labels
+        found, times = basins.labels, basins.settling_time
         around = labels == 0  # nothing is known of cells outside of the window, which are few and tried once
     else:
-        known = labels[within]
         found = np.where(known > 0, known - 1, Label.UNLABELLED).astype(np.int16)
+        times = np.zeros(known.shape, np.int32)
         outside = np.ones(labels.shape, bool)
         outside[within] = known > 0
         rows = np.flatnonzero(~outside)
         catalogue, periods = Catalogue.of(basins.attractors, point_map), int(basins.settings["max_periods"])
-        found[known == 0] = classify(point_map, catalogue, centres_of(place, rows), periods).labels
-    around[within] = alike(found, region.grid.wraps) & np.isin(found, _provable(basins))
+        classified = classify(point_map, catalogue, centres_of(place, rows), periods)
+        found[known == 0], times[known == 0] = classified.labels, classified.times
+    most = np.iinfo(np.int32).max // 2
+    soonest, latest = (np.where(known > 0, limit, times) for limit in (most, -most))
+    soonest, latest = extremes(soonest, latest, region.grid.wraps)
+    even = latest - soonest <= apart
+    around[within] = even & alike(found, region.grid.wraps) & np.isin(found, _provable(basins))
     return around

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from decimal import ROUND_FLOOR, Context, Decimal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -198,15 +199,20 @@ class ProvedCells:
 
 def alike(labels: NDArray[np.int16], wraps: tuple[bool, ...]) -> Bools:
     """Return which cells have the label of all their neighbours, those at corners too; along circles all round."""
-    low, high = labels, labels
+    low, high = extremes(labels, labels, wraps)
+    return np.asarray(low == high)
+
+
+def extremes(low: NDArray[Any], high: NDArray[Any], wraps: tuple[bool, ...]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the least of low and the largest of high numbers among each cell and its neighbours."""
     for j, around in enumerate(wraps):
-        widths = [(1, 1) if k == j else (0, 0) for k in range(labels.ndim)]
+        widths = [(1, 1) if k == j else (0, 0) for k in range(low.ndim)]
         bounds = []
         for values in (low, high):
             padded = np.pad(values, widths, mode="wrap" if around else "edge")
-            bounds.append([np.take(padded, range(s, s + labels.shape[j]), axis=j) for s in range(3)])
+            bounds.append([np.take(padded, range(s, s + low.shape[j]), axis=j) for s in range(3)])
         low, high = np.minimum.reduce(bounds[0]), np.maximum.reduce(bounds[1])
-    return np.asarray(low == high)
+    return low, high
 
 
 def in_figures(bound: float) -> str:
