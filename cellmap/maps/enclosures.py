@@ -51,6 +51,16 @@ class MeanValueForms:
     spreads: Floats
     proved: Bools
 
+    @classmethod
+    def of(cls, rows: Rows, found: Floats) -> MeanValueForms:
+        """Return the forms in the rows of a kernel (n, rows), of which some are not known."""
+        n, d = len(found), rows.d
+        proved = np.asarray(np.isfinite(found[:, : rows.remainder]).all(axis=1))
+        found = np.where(proved[:, None], found, np.nan)
+        images, radii, spreads = (found[:, r] for r in (rows.images, rows.image_radii, rows.spreads))
+        derivatives, loose = (found[:, r].reshape(n, d, d) for r in (rows.derivatives, rows.derivative_radii))
+        return cls(images, radii, derivatives, loose, spreads, proved)
+
     def __repr__(self) -> str:
         return f"MeanValueForms({np.count_nonzero(self.proved)} of {len(self.proved)} boxes enclosed)"
 
@@ -113,10 +123,10 @@ def enclosed_images(
     try:
         if isinstance(spec, Discrete):
             kernel = spec.enclosure()
-            return _forms(kernel.rows, carried(kernel, started(kernel.rows, c, w), p))
+            return MeanValueForms.of(kernel.rows, carried(kernel, started(kernel.rows, c, w), p))
         boxes = FollowedBoxes(spec, c, w, p, exact=not parameters)
         boxes.advance()
-        return _forms(boxes.kernel.rows, boxes.rows)
+        return MeanValueForms.of(boxes.kernel.rows, boxes.rows)
     except UntraceableError as error:
         raise ValueError(
             f"point_map={point_map!r}: {error}; write the function with analytic functions and without branches"
@@ -192,12 +202,3 @@ def _parameters(point_map: PointMap, intervals: Intervals | None) -> Floats:
         middle = 0.5 * low + 0.5 * high
         found[name] = middle, 0.0 if low == high else float(np.nextafter(max(high - middle, middle - low), np.inf))
     return np.array([number for pair in found.values() for number in pair])
-
-
-def _forms(rows: Rows, found: Floats) -> MeanValueForms:
-    d, n = rows.d, len(found)
-    proved = np.asarray(np.isfinite(found[:, : rows.remainder]).all(axis=1))
-    found[~proved] = np.nan
-    images, radii, spreads = (found[:, r] for r in (rows.images, rows.image_radii, rows.spreads))
-    derivatives, derivative_radii = (found[:, r].reshape(n, d, d) for r in (rows.derivatives, rows.derivative_radii))
-    return MeanValueForms(images, radii, derivatives, derivative_radii, spreads, proved)

@@ -10,7 +10,7 @@ import pytest
 import cellmap
 from cellmap import CellGrid, angle, certify, discrete_map, find_basins, interpolated_map
 from cellmap.basins import Evidence, Proof, prove
-from cellmap.basins.proofs import passes
+from cellmap.basins.proofs import orbits_of_sets, passes
 from cellmap.basins.proofs.regions import ProvedCells, Region, alike
 
 NO_ANGLES = (False, False)
@@ -130,7 +130,7 @@ def test_intervals_of_parameters():
 
 def test_same_bits_for_any_number_of_threads_and_after_a_kill(roots, proof, tmp_path, monkeypatch):
     monkeypatch.setattr(passes, "_ROWS", 5000)
-    monkeypatch.setattr(passes, "_TASK", 700)
+    monkeypatch.setattr(orbits_of_sets, "_TASK", 700)
     path, orbits = tmp_path / "proof.h5", passes.Machine.claim_orbits
 
     def killed(self, proved, *arguments):

@@ -19,7 +19,9 @@ from cellmap import ForcedSystem, PointMap, angle, set_threads, stroboscopic_map
 from cellmap._compiled.codegen import enclosing_steps, flow_enclosures, moving_frames, picard
 from cellmap._compiled.codegen.instructions import total
 from cellmap._compiled.codegen.intervals import Interval
-from cellmap.maps import Impact, enclosed_periods, enclosures
+from cellmap._compiled.kernels.parallelepipeds import Sets
+from cellmap.basins.proofs.orbits_of_sets import sets_of
+from cellmap.maps import Impact, enclosed_periods, enclosures, followed_boxes
 from cellmap.maps.enclosures import MeanValueForms, enclosed_images
 
 PARAMETERS = {"g": 0.05, "a": 0.3, "k": 0.7, "w": 1.25}
@@ -29,7 +31,6 @@ TEXTS = {
     "rational": "y - 0.1 * x, tanh(p.a * x) - y / (1.5 + sin(p.w * t) + x * x) - sqrt(1.1 + cos(x)) + exp(-(y**2))",
     "autonomous": "y, (1.0 - x * x) * y - x + 0.1 * atan(x) + 0.1 * log(3.0 + y * y)",
 }
-NEVER = 1e9
 NUMPY = {"atan": np.arctan, "asin": np.arcsin, "acos": np.arccos, "asinh": np.arcsinh, "acosh": np.arccosh}
 NUMPY |= {"atanh": np.arctanh}
 
@@ -48,11 +49,19 @@ def flow_of(text: str, **changes: Any) -> PointMap:
 
 
 def worst_of(
-    forms: MeanValueForms, text: str, centres: Any, halves: Any, rng: Any, values: Any, steps: int = 32
+    forms: MeanValueForms,
+    text: str,
+    centres: Any,
+    halves: Any,
+    rng: Any,
+    values: Any,
+    steps: int = 32,
+    periods: int = 1,
+    sets: Sets | None = None,
 ) -> float:
     """Return the largest distance of images of points of boxes from the mean-value form, divided by its radius.
 
-    Parameters are exact here, and so is the length of the period: the double that the map has.
+    The same of distances from the centres of sets, along directions in which these are thin.  Parameters are exact here, and so is the length of the period: the double that the map has.
     """
     functions = {n: NUMPY.get(n, getattr(np, n, None)) for n in dir(math)}
     rhs, p = compiled(text, functions), SimpleNamespace(**{n: LONG(v) for n, v in values.items()})
@@ -62,11 +71,21 @@ def worst_of(
         rng.choice([-1.0, 1.0], (len(rows), 2)) * np.repeat([0.0, 1.0, 1.0, rng.uniform()], len(rows) // 4)[:, None]
     )
     shift = LONG(halves[rows]) * inside
-    start = (LONG(centres[rows]) + shift).T
-    image = extrapolated(lambda t, s: rhs(t, s, p), LONG(0.3 * length), start, LONG(length), steps, 10)
+    image = (LONG(centres[rows]) + shift).T
+    for _ in range(periods):
+        image = extrapolated(lambda t, s: rhs(t, s, p), LONG(0.3 * length), image, LONG(length), steps, 10)
     off = np.abs(np.array(image).T - forms.images[rows] - np.einsum("nij,nj->ni", LONG(forms.derivatives[rows]), shift))
     bound = forms.image_radii[rows] + np.einsum("nij,nj->ni", forms.derivative_radii[rows], np.abs(shift))
-    return float(max(np.max(off / bound, initial=0.0), np.max(off / forms.spreads[rows], initial=0.0)))
+    worst = [np.max(off / bound, initial=0.0), np.max(off / forms.spreads[rows], initial=0.0)]
+    if sets is not None:
+        generators = np.concatenate(
+            [sets.shapes * sets.sizes[:, None], sets.frames * sets.spreads[:, None]], axis=2, dtype=LONG
+        )[rows]
+        normals = np.stack([-generators[:, 1], generators[:, 0]], axis=1)
+        along = np.einsum("nik,ni->nk", normals, np.array(image).T - sets.centres[rows])
+        widths = np.abs(np.einsum("nik,nij->nkj", normals, generators)).sum(axis=2)
+        worst.append(np.max(np.abs(along) / widths, initial=0.0, where=widths > 0.0))
+    return float(max(worst))
 
 
 def boxes(rng: Any, count: int, size: float = 1.5) -> tuple[Any, Any]:
@@ -79,14 +98,19 @@ def boxes(rng: Any, count: int, size: float = 1.5) -> tuple[Any, Any]:
 def short_series(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compile short series: they take a fraction of the time."""
     monkeypatch.setattr(enclosed_periods, "_ORDERS", (5,))
-    monkeypatch.setattr(enclosures, "_COARSE", NEVER)
+    monkeypatch.setattr(followed_boxes, "_FEW", 0)
+
+
+def with_second_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(followed_boxes, "_FEW", 2)
+    monkeypatch.setattr(followed_boxes, "_MANY", -1.0)
 
 
 @pytest.mark.parametrize("name", TEXTS)
 def test_points_of_boxes_in_extended_precision(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(1)
     if name == "Duffing":
-        monkeypatch.setattr(enclosures, "_COARSE", 0.0)
+        with_second_derivatives(monkeypatch)
     centres, halves = boxes(rng, 40)
     forms = enclosed_images(flow_of(TEXTS[name]), centres, halves)
     assert forms.proved.mean() > 0.95
@@ -168,12 +192,29 @@ def test_units_do_not_matter() -> None:
 
 def test_second_derivatives_make_enclosures_narrower(monkeypatch: pytest.MonkeyPatch) -> None:
     centres, halves, spreads = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 2)), np.full((20, 2), 4e-3), []
-    for coarse in (NEVER, 0.0):
-        monkeypatch.setattr(enclosures, "_COARSE", coarse)
+    for second in (False, True):
+        if second:
+            with_second_derivatives(monkeypatch)
         forms = enclosed_images(flow_of(TEXTS["Duffing"]), centres, halves)
         assert worst_of(forms, TEXTS["Duffing"], centres, halves, np.random.default_rng(0), PARAMETERS) < 1.0
         spreads.append(np.median(forms.spreads))
     assert spreads[1] < 0.2 * spreads[0]
+
+
+@pytest.mark.parametrize("second", [False, True])
+def test_boxes_that_are_followed(second: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    if second:
+        with_second_derivatives(monkeypatch)
+    rng = np.random.default_rng(1)
+    centres = rng.uniform(-1.5, 1.5, (24, 2))
+    halves = np.repeat([1e-3, 1e-4, 1e-6], 8)[:, None] * np.ones(2)
+    boxes = enclosures.followed_boxes(flow_of(TEXTS["Duffing"]), centres, halves)
+    assert boxes is not None
+    for _ in range(3):
+        boxes.advance()
+    forms = MeanValueForms.of(boxes.kernel.rows, boxes.rows)
+    assert forms.proved.mean() > 0.6
+    assert 0.3 < worst_of(forms, TEXTS["Duffing"], centres, halves, rng, PARAMETERS, 32, 3, sets_of(boxes)) <= 1.0
 
 
 def test_any_number_of_threads_and_code_compiled_quickly_or_well_give_the_same_bits(monkeypatch: Any) -> None:
@@ -260,8 +301,7 @@ SECOND_LEFT_OUT = {
 def test_every_part_of_second_order_is_needed(what: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Points of boxes are outside without it, or solutions that end within the period are said to be enclosed."""
     monkeypatch.setattr(enclosed_periods, "_REMAINDER", 1.0)
-    monkeypatch.setattr(enclosures, "_COARSE", 0.0)
-    monkeypatch.setattr(enclosures, "_MANY", -1.0)
+    with_second_derivatives(monkeypatch)
     if what is not None:
         source, (part, other) = inspect.getsource(enclosing_steps.SecondOrderStep), SECOND_LEFT_OUT[what]
         assert source.count(part) == 1

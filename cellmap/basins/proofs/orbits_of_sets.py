@@ -38,7 +38,7 @@ class OrbitsOfFlow:
         """Return the sets after another period, and which are known."""
         boxes = self.boxes
         boxes.advance()
-        return sets_of(boxes), np.isfinite(boxes.rows).all(axis=1)
+        return sets_of(boxes), np.asarray(np.isfinite(boxes.rows).all(axis=1))
 
     def keep(self, some: Bools) -> None:
         """Forget all others."""
