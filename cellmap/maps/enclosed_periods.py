@@ -70,7 +70,7 @@ def units_of(centres: Floats, half_widths: Floats) -> Floats:
 def with_steps(pass_over: Pass, boxes: int, rows: int, order: int, steps: int = 0) -> tuple[Floats, int]:
     """Return the rows of enclosures of a period, each with as many steps as its remainder asks for; NaN without one.
 
-    Most need a number of steps that is returned too, and need not be sought anew for another period.
+    Most need a number of steps that is returned too, and need not be sought again for another period.
     """
     found, left = np.full((boxes, rows), np.nan), np.arange(boxes)
     usual = steps = steps or _first_steps(pass_over, boxes, order)

@@ -16,7 +16,7 @@ from ..maps.point_map import PointMap
 from .ellipsoids import lyapunov_forms
 
 _LARGEST, _FIRST = 0.5, 2.0**-6  # of an extent, half-widths of balls: the largest, and the first that is tried
-_HALVINGS, _BETWEEN = 32, 3  # of the radius, or doublings; and steps towards the smallest one that did not contract
+_HALVINGS, _BETWEEN = 32, 3  # of the radius, until a ball contracts; and steps back towards the last one that did not
 _PARTS = {1: 256, 2: 32, 3: 10}  # boxes along each axis that cover a ball
 _PARTS_BEYOND = 4
 _CONDITION = 1e4  # of eigenvectors from which they make no frame
@@ -111,22 +111,24 @@ def contraction_balls(
     ahead = Intervals.exact(np.roll(frames, -1, axis=0))
     moved = float(length_above((ahead @ Intervals(gaps.mid[..., None], gaps.rad[..., None]))[..., 0].above).max())
     balls = _Balls(exact, points, frames, inverse(frames), parameters)
+    rates: dict[float, float] = {}
+
+    def rate_of(radius: float) -> float:
+        if radius not in rates:
+            rates[radius] = balls.rate(radius)
+        return rates[radius]
+
     radius, failed, found = _FIRST, np.inf, None
-    # Upwards, where balls are found soon: those that are too large are dear, for some of their boxes fail.
+    while radius < _LARGEST and rate_of(radius) < 1.0:  # balls that are much too large are dear
+        radius = 2.0 * radius
     for _ in range(_HALVINGS):
-        rate = balls.rate(radius)
+        rate = rate_of(radius)
         if _holds(rate, moved, radius):
             found = ContractionBalls(points, frames, radius, rate)
-            if failed < np.inf or radius >= _LARGEST:
-                break
-            radius = 2.0 * radius
-        elif found is not None:
-            failed = radius
             break
-        else:
-            failed, radius = radius, 0.5 * radius
-            if not radius > moved:
-                return None
+        failed, radius = radius, 0.5 * radius
+        if not radius > moved:
+            return None
     for _ in range(_BETWEEN if found is not None and failed < np.inf else 0):
         assert found is not None
         radius = float(np.sqrt(found.radius * failed))
