@@ -137,6 +137,7 @@ def followed_boxes(
     point_map: PointMap, centres: Floats, half_widths: Floats, parameters: Intervals | None = None
 ) -> FollowedBoxes | None:
     """Return boxes (n, d) whose images are to be enclosed for many periods of a flow; None for a discrete map."""
+    check_arithmetic()
     spec, p = _enclosable(point_map), _parameters(point_map, parameters)
     if isinstance(spec, Discrete):
         return None
