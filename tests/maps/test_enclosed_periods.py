@@ -61,7 +61,7 @@ def worst_of(
 ) -> float:
     """Return the largest distance of images of points of boxes from the mean-value form, divided by its radius.
 
-    The same of distances from the centres of sets, along directions in which these are thin.  Parameters are exact here,
+    The same of distances from the centres of sets, along directions in which these are thin.  Parameters are exact,
     and so is the length of the period: the double that the map has.
     """
     functions = {n: NUMPY.get(n, getattr(np, n, None)) for n in dir(math)}
