@@ -26,8 +26,8 @@ from .cell_covers import (
 )
 
 Sets = namedtuple("Sets", "centres shapes sizes frames spreads hulls")
-"""Centres (n, d), shapes A (n, d, m) with sizes w (n, m), frames Q (n, d, d) with spreads rho (n, d), and half-widths of
-boxes around (n, d)."""
+"""Centres (n, d), shapes A (n, d, m) with sizes w (n, m), frames Q (n, d, d) with spreads rho (n, d), and half-widths
+of boxes around (n, d)."""
 
 FAILED, GOING = -1, 0
 """Outcomes of a set without a label: it has no enclosed image or is too wide, or may go on."""
