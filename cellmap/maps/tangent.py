@@ -160,16 +160,23 @@ def _one_step(
                 return images, matrices
             lost = ~np.isfinite(matrices).all(axis=(-2, -1)) & np.isfinite(points).all(axis=-1)
             if lost.any():  # the derivative of the right-hand side has a pole, as at the border of a root
-                images[lost] = follow(exact, points[lost], 1).unwrapped
-                matrices[lost] = _central_differences(exact, points[lost])[..., : matrices.shape[-1]]
+                images[lost], differences = _differences(exact, points[lost])
+                matrices[lost] = differences[..., : matrices.shape[-1]]
             return images, matrices
-    return follow(exact, points, 1).unwrapped, _central_differences(exact, points)
+    return _differences(exact, points)
 
 
-def _central_differences(exact: PointMap, points: Floats) -> Floats:
-    """Derivative by symmetric differences at three distances."""
+def _differences(exact: PointMap, points: Floats) -> tuple[Floats, Floats]:
+    """Return images and derivatives by central differences; NaN where there is no image, which is tried once."""
+    images = follow(exact, points, 1).unwrapped
+    matrices, there = np.full((*points.shape, exact.dimension), np.nan), np.isfinite(images).all(axis=-1)
+    matrices[there] = _central_differences(exact, points[there], images[there])
+    return images, matrices
+
+
+def _central_differences(exact: PointMap, points: Floats, centre: Floats) -> Floats:
+    """Derivative by symmetric differences at three distances, around points and their images."""
     columns = []
-    centre = follow(exact, points, 1).unwrapped
     for j in range(exact.dimension):
         h = 1e-2 * np.maximum(np.abs(points[..., j]), 1e-1)
         column = np.zeros(points.shape)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from dataclasses import replace
 from math import pi
 
@@ -353,3 +354,14 @@ def test_points_of_a_diagram_are_larger_where_they_are_few():
         sizes.append(ax.lines[0].get_markersize())
     assert sizes == [3.0, pytest.approx(3.0 / np.sqrt(2.0)), pytest.approx(0.6)]
     mpl.pyplot.close("all")
+
+
+def test_bars_of_attractors_with_many_coordinates_have_room():
+    names = [f"x{k}" for k in range(12)]
+    system = discrete_map(lambda x, p: tuple(1.5 * v - 0.5 * v**3 for v in x), {}, names)
+    found = find_basins(system, np.random.default_rng(0).choice([-0.9, 0.9], (60, 12)))
+    ax = plot.fractions(found, largest=5)
+    ax.figure.draw_without_rendering()  # no room would be a warning
+    labels = [text.get_text() for text in ax.get_yticklabels()]
+    assert all(re.fullmatch(r"\d+: fixed point \((-?1, ){1,}\.\.\.\)", label) for label in labels[:5])
+    assert len(set(labels)) == len(labels)
