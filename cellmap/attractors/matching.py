@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from .._lib.arrays import Floats
-from ..maps.coordinates import difference
+from ..maps.coordinates import circular_tree
 from ..orbits.attractor import Attractor
 
 _MOST_POINTS = 512  # of a cloud, that are compared
@@ -28,9 +28,11 @@ def attractor_distance(a: Attractor, b: Attractor, extent: Floats) -> float:
     ----------
     Dubuisson, Jain, Proceedings of the 12th International Conference on Pattern Recognition (1994) 566.
     """
-    shift = difference(_thinned(a)[:, None], _thinned(b)[None], a.coordinates) / extent
-    apart = np.sqrt((shift**2).sum(axis=-1))
-    return float(max(apart.min(axis=0).mean(), apart.min(axis=1).mean()))
+    points = _thinned(a), _thinned(b)
+    trees = [circular_tree(some, extent, a.coordinates) for some in points]
+    return max(
+        float(tree.query(scaled(some))[0].mean()) for (tree, scaled), some in zip(trees, points[::-1], strict=True)
+    )
 
 
 def match_attractors(

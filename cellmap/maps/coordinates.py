@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite, nan, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -183,3 +184,19 @@ def difference(a: Floats, b: Floats, coordinates: Sequence[Coordinate]) -> Float
         if c.period is not None:
             d[..., j] = shortest(d[..., j], c.period)
     return d
+
+
+def circular_tree(
+    places: Floats, unit: Floats, coordinates: Sequence[Coordinate]
+) -> tuple[Any, Callable[[Floats], Floats]]:
+    """Return a k-d tree of places in units of length, angles as circles, and what scales points for queries to it."""
+    from scipy.spatial import cKDTree
+
+    cut, turn = turns_of(coordinates)
+    around = turn / unit
+
+    def scaled(points: Floats) -> Floats:
+        x = (wrap(points, coordinates) - np.where(turn > 0.0, cut, 0.0)) / unit
+        return np.asarray(np.where((turn > 0.0) & (x >= around), 0.0, x))  # the tree takes no end of a circle
+
+    return cKDTree(scaled(places), boxsize=around), scaled

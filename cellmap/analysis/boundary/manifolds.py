@@ -12,12 +12,11 @@ from ..._lib.arrays import Floats
 from ..._lib.checks import claim_memory, finite_number, one_of
 from ..._lib.signatures import checked
 from ...basins.record import Basins
-from ...maps.coordinates import Coordinate, wrap
+from ...maps.coordinates import Coordinate, circular_tree, wrap
 from ...maps.grid import CellGrid
 from ...maps.point_map import PointMap
 from ...maps.tangent import tangent
 from ...orbits.orbit_kinds import PeriodicOrbit
-from ..resilience.shock_search import circular_tree
 from .curve_growth import GrowingCurve, ManifoldBranch, growth_of
 
 _FINE = 0.1  # cells between points on the curves

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from ..._lib.arrays import Bools, Floats, Ints
 from ...attractors.labels import Label
 from ...basins.classification import Labeller, places_of
 from ...basins.record import Basins
-from ...maps.coordinates import Coordinate, difference, turns_of, wrap
+from ...maps.coordinates import Coordinate, circular_tree, difference
 
 _SHRINKING = 1.0 - 0.7 * 4.0 ** -np.arange(18)  # of the best size, on each ray
 _RAYS = 16
@@ -61,22 +60,6 @@ def nearest_foreign(
     tree, scaled = circular_tree(places, unit, coordinates)
     distance, nearest = tree.query(scaled(origins))
     return np.asarray(distance), np.asarray(nearest)
-
-
-def circular_tree(
-    places: Floats, unit: Floats, coordinates: Sequence[Coordinate]
-) -> tuple[Any, Callable[[Floats], Floats]]:
-    """Return a k-d tree of places in units of length, angles as circles, and what scales points for queries to it."""
-    from scipy.spatial import cKDTree
-
-    cut, turn = turns_of(coordinates)
-    around = turn / unit
-
-    def scaled(points: Floats) -> Floats:
-        x = (wrap(points, coordinates) - np.where(turn > 0.0, cut, 0.0)) / unit
-        return np.asarray(np.where((turn > 0.0) & (x >= around), 0.0, x))  # the tree takes no end of a circle
-
-    return cKDTree(scaled(places), boxsize=around), scaled
 
 
 def candidates_of(basins: Basins, k: int, origins: Floats, unit: Floats, free: Ints) -> list[tuple[int, Floats]]:
