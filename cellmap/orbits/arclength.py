@@ -120,8 +120,15 @@ class ContinuationStep:
         """
         from scipy.optimize import bisect, brentq
 
+        places: dict[float, SolutionPoint | None] = {0.0: self.begin}
+
+        def place_at(length: float) -> SolutionPoint | None:
+            if length not in places:
+                places[length] = self.at(length)
+            return places[length]
+
         def value(length: float) -> float:
-            place = self.at(length)
+            place = place_at(length)
             if place is None:
                 raise FloatingPointError
             return test(place)
@@ -129,9 +136,25 @@ class ContinuationStep:
         try:
             bounds = {"xtol": 1e-15, "rtol": 1e-14, "full_output": True, "disp": False}
             length, found = brentq(value, 0.0, self.length, **bounds)
-            return self.at(length if found.converged else bisect(value, 0.0, self.length, **bounds)[0])
+            return place_at(length if found.converged else bisect(value, 0.0, self.length, **bounds)[0])
         except (FloatingPointError, ValueError):
             return None
+
+    def where(self, k: int, value: float) -> SolutionPoint | None:
+        """Return the solution point between the ends at which an unknown has a value that it passes from end to end."""
+        begin, end = self.begin.unknowns, self.end.unknowns
+        passed, plane = end[k] - begin[k], np.zeros(len(begin))
+        guess = begin + (value - begin[k]) / passed * (end - begin)
+        guess[k], plane[k] = value, np.sign(passed)
+        place = corrected(self.problem, guess, plane)
+        if (
+            place is not None
+            and 0.0 <= self.along(place.unknowns) <= self.length
+            and float(place.tangent @ self.begin.tangent) > _ALIGNED
+        ):
+            return place
+        # A curve that is nearly parallel to the plane, or another one.
+        return self.located(lambda place: float(place.unknowns[k] - value))
 
     def zero(
         self, test: Test, values: Sequence[float], locate: Callable[[], SolutionPoint | None] | None = None
@@ -223,7 +246,7 @@ class Box:
             value = step.end.unknowns[k]
             if not low <= value <= high:
                 edge = low if value < low else high
-                last = step.located(lambda place, k=k, edge=edge: place.unknowns[k] - edge)  # type: ignore[misc]
+                last = step.where(k, edge)
                 # Corrections of long steps may lead to another curve beyond the edge, and to none at it.
                 if last is None or abs(last.unknowns[k] - edge) > _OFF:
                     return None
