@@ -55,14 +55,11 @@ class Program:
         )
 
     def image(
-        self, period: float, place: NDArray[np.float64], step: float = 0.02, compiled: bool = True
+        self, period: float, place: NDArray[np.float64], step: float = 0.02
     ) -> tuple[NDArray[np.float64], int, int]:
-        """Return where a period leads, what became of the orbit, and the number of events.
-
-        Without a compiler an orbit takes a second, which is shorter than to compile for a few of them.
-        """
+        """Return where a period leads, what became of the orbit, and the number of events."""
         program = (self.operations, self.operands, self.ends, self.levels, self.dimension)
-        return (_compiled_image if compiled else _image)(program, period, place.copy(), step)  # type: ignore[no-any-return]
+        return _compiled_image(program, period, place.copy(), step)  # type: ignore[no-any-return]
 
 
 @register_jitable(error_model="numpy")

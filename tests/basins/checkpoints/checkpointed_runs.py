@@ -25,7 +25,7 @@ def forced(t, x, p):
 
 
 DUFFING = stroboscopic_map(ForcedSystem(forced, {"delta": 0.2, "gamma": 0.1}, 2 * pi, ("q", "v")), rtol=1e-5, atol=1e-5)
-WINDOW = CellGrid((-2.2, -2.2), (2.2, 2.2), (250, 230))  # four tiles
+WINDOW = CellGrid((-2.2, -2.2), (2.2, 2.2), (125, 115))  # four tiles of `TILE`
 
 
 def pendulum():
@@ -38,19 +38,18 @@ def conservative(x, p):
     return x[0] * cos(p.angle) - y * sin(p.angle), x[0] * sin(p.angle) + y * cos(p.angle)
 
 
+TILE = 4096  # initial conditions, for the fixture `small_tiles`
+
 CASES: dict[str, Callable[..., Basins]] = {
     # Two attractors that the sample finds; one pass.
     "one pass": lambda **how: find_basins(DUFFING, WINDOW, **how),
     # Small basins are found among the active orbits, and the sweep begins again for some of them.
     "small basins": lambda **how: find_basins(
-        pendulum(), CellGrid((-pi, -500.0), (pi, 500.0), (200, 170)), 600, 8, **how
+        pendulum(), CellGrid((-pi, -500.0), (pi, 500.0), (100, 85)), 600, 8, **how
     ),
     # Everything is left after each pass.
-    "undecided": lambda **how: find_basins(
-        discrete_map(conservative, {"angle": 1.327}, ("x", "y")),
-        CellGrid((-0.6, -0.6), (0.6, 0.6), (140, 130)),
-        520,
-        **how,
+    "undecided": lambda cells=(70, 65), **how: find_basins(
+        discrete_map(conservative, {"angle": 1.327}, ("x", "y")), CellGrid((-0.6, -0.6), (0.6, 0.6), cells), 520, **how
     ),
     # The same with multi-period steps, on whose division orbits depend.
     "multi-period steps": lambda **how: find_basins(
@@ -60,14 +59,12 @@ CASES: dict[str, Callable[..., Basins]] = {
             outside="escape",
             max_step=8,
         ),
-        CellGrid((-0.6, -0.6), (0.6, 0.6), (140, 130)),
+        CellGrid((-0.6, -0.6), (0.6, 0.6), (70, 65)),
         520,
         **how,
     ),
     # A cover in the place of a neighbourhood: all initial conditions are labelled again.
-    "chaotic": lambda **how: find_basins(
-        systems.henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (190, 190)), 500, **how
-    ),
+    "chaotic": lambda **how: find_basins(systems.henon_map(), CellGrid((-2.0, -2.0), (2.0, 2.0), (95, 95)), 500, **how),
     "given starts": lambda **how: find_basins(
         discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]),), {}, ("x",), name="newton"),
         np.random.default_rng(0).uniform(-3.0, 3.0, (4, 9000, 1)),

@@ -22,12 +22,12 @@ def test_room_is_stated_and_claimed_before_the_run(tmp_path, monkeypatch, caplog
     total = WINDOW.size
     with caplog.at_level("INFO", logger="cellmap"):
         CASES["one pass"](checkpoint=tmp_path / "basins.h5")
-    assert "labelling 57,500 initial conditions" in caplog.text
+    assert "labelling 14,375 initial conditions" in caplog.text
     assert "on the disk" in caplog.text
     memory = basins_memory(total, checkpoint=True)
     monkeypatch.setattr("cellmap._lib.checks._ALWAYS_FREE", 0)
     monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: memory - 1)
-    with pytest.raises(MemoryError, match="labelling 57,500 initial conditions needs"):
+    with pytest.raises(MemoryError, match="labelling 14,375 initial conditions needs"):
         CASES["one pass"](checkpoint=tmp_path / "other.h5")
     monkeypatch.undo()
     usage = shutil.disk_usage(tmp_path)._replace(free=basins_disk(total) - 1)
@@ -44,6 +44,8 @@ def test_a_file_is_no_larger_than_stated(finished):
 MEASURE = """
 import resource
 from cellmap import CellGrid, discrete_map, find_basins
+
+pytestmark = pytest.mark.usefixtures("small_tiles")
 half = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {{}}, ("x", "y"), name="half")
 find_basins(half, CellGrid((-1, -1), (1, 1), (100, 100)), checkpoint={small!r})
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -16,9 +16,11 @@ from checkpointed_runs import CASES, DUFFING, TABLE, WINDOW, Died, assert_same, 
 from cellmap import CellGrid, ForcedSystem, find_basins, interpolated_map, load_basins, save_basins, stroboscopic_map
 from cellmap.basins import StoreError
 
+pytestmark = pytest.mark.usefixtures("small_tiles")
+
 
 @pytest.fixture(scope="module")
-def begun(tmp_path_factory) -> Path:
+def begun(small_tiles, tmp_path_factory) -> Path:
     """The file of the same run, which died after its first tile."""
     path = tmp_path_factory.mktemp("begun") / "basins.h5"
     with pytest.MonkeyPatch.context() as patch, pytest.raises(Died):
@@ -36,7 +38,7 @@ def interpolated_file(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def unfinished(tmp_path_factory) -> Path:
+def unfinished(small_tiles, tmp_path_factory) -> Path:
     """A run that died in a later pass."""
     path = tmp_path_factory.mktemp("unfinished") / "basins.h5"
     with pytest.MonkeyPatch.context() as patch:
