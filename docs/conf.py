@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 import os
 import sys
@@ -15,6 +16,7 @@ os.environ.setdefault("CELLMAP_CACHE_DIR", str(HERE.parent / ".pytest_cache" / "
 
 import inventories
 from alternative_text import FigureScraper
+from sphinx.search.en import SearchEnglish
 
 import cellmap
 
@@ -89,6 +91,8 @@ html_math_renderer = "mathml"
 html_theme = "pydata_sphinx_theme"
 html_title = f"cellmap {release}"
 html_static_path = ["_static"]
+# For the index of the search each word is stemmed once, and not on each of its pages.
+SearchEnglish.stem = functools.cache(SearchEnglish.stem)
 html_search_scorer = str(HERE / "_static" / "search_scorer.js")
 html_css_files = ["site.css"]
 html_show_sourcelink = False

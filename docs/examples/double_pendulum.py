@@ -19,7 +19,7 @@ double = scene(
     ViscousDamping(10.0),
     name="driven double pendulum",
 )
-at_rest = CellGrid(lower=(-pi, -pi, -1, -1), upper=(pi, pi, 1, 1), shape=(45, 45, 1, 1))
+at_rest = CellGrid(lower=(-pi, -pi, -1, -1), upper=(pi, pi, 1, 1), shape=(30, 30, 1, 1))
 basins = find_basins(stroboscopic_map(double), at_rest)
 print(basins)
 plot.basins(basins)

@@ -14,7 +14,7 @@ from cellmap.basins import continue_basins
 from systems import driven_pendulum
 
 amplitude = np.linspace(1.5e-3, 4e-3, 26)
-window = CellGrid(lower=(-pi, -500), upper=(pi, 500), shape=(40, 40))
+window = CellGrid(lower=(-pi, -500), upper=(pi, 500), shape=(25, 25))
 sweep = continue_basins(stroboscopic_map(driven_pendulum()), "amplitude", amplitude, window)
 for label in sweep.labels:
     there = sweep.values[sweep.present[:, sweep.labels.index(label)]]

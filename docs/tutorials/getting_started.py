@@ -143,8 +143,8 @@ print(f"two attractors from omega = {bistable[0]:.2f} to {bistable[-1]:.2f}")
 
 from cellmap.basins import continue_basins
 
-coarse = CellGrid(window.lower, window.upper, (40, 40))
-fractions = continue_basins(strobe, "omega", np.linspace(1.2, 1.9, 36), coarse)
+coarse = CellGrid(window.lower, window.upper, (30, 30))
+fractions = continue_basins(strobe, "omega", np.linspace(1.2, 1.9, 15), coarse)
 plot.basin_continuation(fractions)
 print(fractions)
 # sphinx_gallery_alt = "Basin fractions against frequency: the large oscillation loses its basin gradually to the small one"
@@ -181,7 +181,7 @@ plot.manifolds(boundary, basins=basins)
 # With :math:`\alpha < 0` the spring has two wells. No new compilation is needed: ``with_params`` changes the values.
 
 double_well = spring.with_params(alpha=-1.0, delta=0.15, gamma=0.2, omega=1.0)
-square = CellGrid((-2.2, -2.2), (2.2, 2.2), (400, 400))
+square = CellGrid((-2.2, -2.2), (2.2, 2.2), (250, 250))
 mixed = find_basins(interpolated_map(stroboscopic_map(double_well), square), square)
 plot.basins(mixed)
 # sphinx_gallery_alt = "Basins of the two wells, interwoven in fine filaments over most of the window"

@@ -112,7 +112,7 @@ for state in ([0, 0, 0, 0], [0, pi, 0, 0], [pi, 0, 0, 0], [pi, pi, 0, 0]):
     largest = np.abs(floquet_multipliers(double, state).multipliers).max()
     print(f"outer link {'up' if state[1] else 'down'}, inner link {'up' if state[0] else 'down'}: {largest:.4f}")
 
-at_rest = CellGrid(lower=(-pi, -pi, -1, -1), upper=(pi, pi, 1, 1), shape=(40, 40, 1, 1))
+at_rest = CellGrid(lower=(-pi, -pi, -1, -1), upper=(pi, pi, 1, 1), shape=(25, 25, 1, 1))
 flipping = find_basins(stroboscopic_map(double), at_rest)
 plot.basins(flipping)
 # sphinx_gallery_alt = "Basins of the four equilibria of the double pendulum over both angles, released at rest"

@@ -101,7 +101,7 @@ driven = scene(
     ViscousDamping(best.estimates["damping"]),
     name="the measured rod",
 )
-window = CellGrid((-np.pi, -100.0), (np.pi, 100.0), (250, 250))
+window = CellGrid((-np.pi, -100.0), (np.pi, 100.0), (150, 150))
 basins = find_basins(interpolated_map(stroboscopic_map(driven), window), window)
 plot.basins(basins)
 for label, fraction in basins.fractions.items():
