@@ -27,7 +27,8 @@ _SMALLEST = 1e-3  # multiplier, below which an orbit has no frame of eigenvector
 class ContractionBalls:
     """Balls around the points of an attracting periodic orbit, each of which the map contracts into the next one.
 
-    So there is one periodic orbit in them, and every orbit that enters one of them converges to it.
+    So there is one periodic orbit in them, and every orbit that enters one of them converges to it.  Points of larger
+    balls may be proved to come to these.
 
     Parameters
     ----------
@@ -39,12 +40,15 @@ class ContractionBalls:
         Radius of all balls, in their frames.
     rate : float
         Factor below 1 by which a step of the map shortens at least all distances within a ball, measured in the frames.
+    reach : float
+        Radius, not below the other one, of balls all of whose points are proved to converge to the orbit.
     """
 
     centres: Floats
     frames: Floats
     radius: float
     rate: float
+    reach: float
 
 
 def point_width(parameters: Mapping[str, Any] | None) -> float:
@@ -124,7 +128,7 @@ def contraction_balls(
     for _ in range(_HALVINGS):
         rate = rate_of(radius)
         if _holds(rate, moved, radius):
-            found = ContractionBalls(points, frames, radius, rate)
+            found = ContractionBalls(points, frames, radius, rate, radius)
             break
         failed, radius = radius, 0.5 * radius
         if not radius > moved:
@@ -134,7 +138,7 @@ def contraction_balls(
         radius = float(np.sqrt(found.radius * failed))
         rate = balls.rate(radius)
         if _holds(rate, moved, radius):
-            found = ContractionBalls(points, frames, radius, rate)
+            found = ContractionBalls(points, frames, radius, rate, radius)
         else:
             failed = radius
     return found
@@ -159,24 +163,13 @@ class _Balls:
         """Return a bound of the factor by which distances change in balls of some radius; NaN or inf where unknown."""
         period, d = self.points.shape
         parts = _PARTS.get(d, _PARTS_BEYOND)
-        steps = (2.0 * np.arange(parts) + 1.0) / parts - 1.0
-        unit = np.stack(np.meshgrid(*d * (steps,), indexing="ij"), axis=-1).reshape(-1, d)
         worst = 0.0
         for k in range(period):
-            widths = radius * length_above(self.inverses[k].above) * ROUNDING.wider
-            offsets = unit * widths
-            # Boxes around rounded centres that are as wide as leaves no gap.
-            size = np.abs(self.points[k]) + widths
-            half = (widths / parts + 4.0 * ROUNDING.unit * size) * ROUNDING.wider
-            frame = Intervals.exact(self.frames[k])
-            boxes = Intervals(offsets[..., None], np.broadcast_to(half, offsets.shape)[..., None])
-            nearest = (frame @ boxes)[..., 0].below
-            meets = (np.maximum(nearest, 0.0) ** 2).sum(axis=-1) <= radius**2 * ROUNDING.wider
-            centres = self.points[k] + offsets[meets]
+            centres, half = cover_of_ball(self.points[k], self.frames[k], self.inverses[k], radius, parts)
             forms = enclosed_images(
                 self.exact, centres, np.broadcast_to(half, centres.shape), parameters=self.parameters
             )
-            if not (forms.proved.all() and meets.any()):
+            if not (forms.proved.all() and len(centres)):
                 return np.inf
             derivatives = Intervals(forms.derivatives, forms.derivative_radii)
             ahead = Intervals.exact(self.frames[(k + 1) % period])
@@ -185,6 +178,24 @@ class _Balls:
                 return np.inf
             worst = max(worst, float(found.max()))
         return worst
+
+
+def cover_of_ball(
+    point: Floats, frame: Floats, inverse: Intervals, radius: float, parts: int, inner: float = 0.0
+) -> tuple[Floats, Floats]:
+    """Return centres (n, d) and half-widths (d,) of boxes that hold a ball in a frame, less an inner ball."""
+    d = len(point)
+    steps = (2.0 * np.arange(parts) + 1.0) / parts - 1.0
+    unit = np.stack(np.meshgrid(*d * (steps,), indexing="ij"), axis=-1).reshape(-1, d)
+    widths = radius * length_above(inverse.above) * ROUNDING.wider
+    offsets = unit * widths
+    # Boxes around rounded centres that are as wide as leaves no gap.
+    half = (widths / parts + 8.0 * ROUNDING.unit * (np.abs(point) + widths)) * ROUNDING.wider
+    boxes = Intervals(offsets[..., None], np.broadcast_to(half, offsets.shape)[..., None])
+    found = (Intervals.exact(frame) @ boxes)[..., 0]
+    meets = (np.maximum(found.below, 0.0) ** 2).sum(axis=-1) <= radius**2 * ROUNDING.wider
+    inside = (found.above**2).sum(axis=-1) * ROUNDING.wider < inner**2
+    return point + offsets[meets & ~inside], half
 
 
 def _frames(steps: Floats, extent: Floats) -> Floats | None:

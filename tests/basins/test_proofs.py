@@ -215,6 +215,16 @@ def test_windows_a_little_longer_than_the_circle_overlap():
     assert place.mids[0, last] + place.half[0] >= grid.upper[0]
 
 
+def test_balls_reach_nearly_as_far_as_the_basin():
+    """To the repelling points at which 0.03 is 4 x^2, but for less than the factor by which balls grow."""
+    slow = discrete_map(lambda x, p: (x[0] * (0.97 + 4.0 * x[0] ** 2),), {}, ("x",))
+    found = prove(find_basins(slow, CellGrid((-0.08,), (0.08,), (2,))), splits=0, max_periods=100)
+    balls = found.attractors[0]
+    end, size = (0.03 / 4.0) ** 0.5, abs(balls.frames[0, 0, 0])
+    assert 0.6 * end < balls.reach / size < end
+    assert balls.radius / size < (0.03 / 12.0) ** 0.5 * (1 + 1e-9)  # where the derivative is 1
+
+
 def test_what_cannot_be_proved_says_so(roots):
     with pytest.raises(ValueError, match="CellGrid"):
         prove(find_basins(roots.point_map, np.array([[1.0, 0.1], [-1.0, 0.4]])))

@@ -16,7 +16,6 @@ from ..._lib.records import ShownAsHtml
 from ..._lib.stopping import check_stop
 from ...maps.coordinates import turns_of
 from ...maps.interval_witness import Interval, NotEnclosedError, intervals, moved, product, witness
-from ...orbits.contraction import ContractionBalls
 from .proof import Proof
 
 _HALVINGS = 3  # of a cell, until all its parts are confirmed
@@ -32,7 +31,8 @@ class ProofCheck(ShownAsHtml):
     cells, confirmed : int
         Cells that were drawn, and those that were proved again.
     boxes, contracting : int
-        Boxes drawn from the balls around attractors, and those on which the map contracts at the stated rate.
+        Boxes drawn from the balls around attractors, and those on which the map contracts at the stated rate, or which
+        come to where it does.
     unconfirmed : tuple of tuple of float
         Centres of cells that were not confirmed: the other program is coarser, and may fail where nothing is wrong.
     """
@@ -53,9 +53,9 @@ def check(proof: Proof, n_samples: int, rng: Rng) -> ProofCheck:
     cells = np.flatnonzero(proof.cells.labels.ravel() > 0)
     drawn = random.choice(cells, n) if len(cells) else cells
     failed = [cell for cell in drawn.tolist() if not checker.confirms(cell)]
-    balls = list(proof.attractors.values())
+    balls = list(proof.attractors)
     boxes = [balls[k] for k in random.integers(0, len(balls), n)] if balls else []
-    contracting = sum(checker.contracts(b, random) for b in boxes)
+    contracting = sum(checker.contracts(k, random) for k in boxes)
     unconfirmed = tuple(tuple(checker.centre(cell).tolist()) for cell in failed)
     return ProofCheck(len(drawn), len(drawn) - len(failed), len(boxes), contracting, unconfirmed)
 
@@ -87,8 +87,13 @@ class _Checker:
             return self._in_ball([self.context.mpf([a, b]) for a, b in box], label)
         return self._comes(box, label, rank, _HALVINGS)
 
-    def _comes(self, box: list[tuple[float, float]], label: int, rank: int, halvings: int) -> bool:
-        """Tell whether a box comes to cells of a label and smaller rank, or into a ball, if need be in parts."""
+    def _comes(
+        self, box: list[tuple[float, float]], label: int, rank: int, halvings: int, contracts: bool = False
+    ) -> bool:
+        """Tell whether a box comes to cells of a label and smaller rank, or into a ball, if need be in parts.
+
+        The ball is that of all points that are proved to converge, or the one on which the map contracts.
+        """
         check_stop()
         context, d = self.context, len(box)
         place = [context.mpf([a, b]) for a, b in box]
@@ -105,14 +110,14 @@ class _Checker:
                 shift = [m - context.mpf(x.mid.a) for m, x in zip(middle, hull, strict=True)]
                 middle, total = moved(image, slopes, shift), product(slopes, total)
                 found = moved(middle, total, offsets)
-                if self._is_proved(found, label, rank) or self._in_ball(found, label):
+                if self._is_proved(found, label, rank) or self._in_ball(found, label, contracts):
                     return True
         except NotEnclosedError:
             pass
         if halvings == 0:
             return False
         halves = [((a, 0.5 * (a + b)), (0.5 * (a + b), b)) if a < b else ((a, b),) for a, b in box]
-        return all(self._comes(list(part), label, rank, halvings - 1) for part in itertools.product(*halves))
+        return all(self._comes(list(part), label, rank, halvings - 1, contracts) for part in itertools.product(*halves))
 
     def _is_proved(self, box: Sequence[Interval], label: int, rank: int) -> bool:
         """Tell whether all cells that a box meets have a label and smaller ranks."""
@@ -139,8 +144,8 @@ class _Checker:
         cells = np.ix_(*ranges)
         return bool((self.labels[cells] == label).all() and (self.ranks[cells] < rank).all())
 
-    def _in_ball(self, box: Sequence[Interval], label: int) -> bool:
-        """Tell whether a box lies in a ball of an attractor."""
+    def _in_ball(self, box: Sequence[Interval], label: int, contracts: bool = False) -> bool:
+        """Tell whether a box lies in a ball of an attractor, one of contraction or of all points that converge."""
         balls = self.proof.attractors.get(label - 1)
         if balls is None:
             return False
@@ -155,19 +160,24 @@ class _Checker:
                     gap = gap - context.mpf(turns) * context.mpf(float(self.turn[j])) + context.mpf([-ulp, ulp])
                 gaps.append(gap)
             size = sum(sum(context.mpf(float(f)) * g for f, g in zip(row, gaps, strict=True)) ** 2 for row in frame)
-            if size <= context.mpf(balls.radius) ** 2:
+            if size <= context.mpf(balls.radius if contracts else balls.reach) ** 2:
                 return True
         return False
 
-    def contracts(self, balls: ContractionBalls, random: np.random.Generator) -> bool:
-        """Tell whether the map contracts, at the stated rate, on a random small box in a ball."""
+    def contracts(self, attractor: int, random: np.random.Generator) -> bool:
+        """Tell whether the map contracts, at the stated rate, on a random small box in a ball, or takes it there."""
+        balls = self.proof.attractors[attractor]
         context, d = self.context, balls.centres.shape[1]
         k = int(random.integers(len(balls.centres)))
         inverse = np.linalg.inv(balls.frames[k])
         direction = random.normal(size=d)
         direction *= random.random() ** (1.0 / d) / np.linalg.norm(direction)
-        at = balls.centres[k] + balls.radius * (inverse @ direction)
-        half = balls.radius * np.linalg.norm(inverse, axis=1) / _PARTS
+        size = (balls.radius, balls.reach)[int(random.integers(2))]
+        at = balls.centres[k] + size * (inverse @ direction)
+        half = size * np.linalg.norm(inverse, axis=1) / _PARTS
+        if size * np.linalg.norm(direction) > balls.radius:
+            box = list(zip((at - half).tolist(), (at + half).tolist(), strict=True))
+            return self._comes(box, attractor + 1, 0, _HALVINGS, contracts=True)
         try:
             _, slopes = self.enclose(
                 [context.mpf([a - h, a + h]) for a, h in zip(at.tolist(), half.tolist(), strict=True)]

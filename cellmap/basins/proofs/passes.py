@@ -49,7 +49,7 @@ class Machine:
         centres = np.concatenate([np.empty((0, d)), *(b.centres for _, b in each)])
         frames = np.concatenate([np.empty((0, d, d)), *(b.frames for _, b in each)])
         counts = [len(b.centres) for _, b in each]
-        radii = np.repeat([b.radius for _, b in each], counts).astype(float)
+        radii = np.repeat([b.reach for _, b in each], counts).astype(float)
         numbers = np.repeat(np.array([k + 1 for k, _ in each], np.int64), counts)
         return cls(point_map, parameters, (centres, frames, radii), numbers, extent, progress)
 

@@ -167,7 +167,7 @@ class Proof(ShownAsHtml, ConvertsToXarray):
             for k, balls in self.attractors.items():
                 at = own.create_group(f"balls/{k}")
                 at["centres"], at["frames"] = balls.centres, balls.frames
-                at["radius"], at["rate"] = balls.radius, balls.rate
+                at["radius"], at["rate"], at["reach"] = balls.radius, balls.rate, balls.reach
 
         return save_with(self.basins, path, write)
 
@@ -210,8 +210,8 @@ def _read(group: Any, basins: Basins) -> Proof:
             at = group_of(own, f"balls/{k}")
             centres = array_of(at, "centres", np.float64, (None, d))
             frames = array_of(at, "frames", np.float64, (len(centres), d, d))
-            radius, rate = (float(array_of(at, name, np.float64, ())) for name in ("radius", "rate"))
-            attractors[k] = ContractionBalls(centres, frames, radius, rate)
+            numbers = (float(array_of(at, name, np.float64, ())) for name in ("radius", "rate", "reach"))
+            attractors[k] = ContractionBalls(centres, frames, *numbers)
     parameters = {name: (float(a), float(b)) for name, (a, b) in get_mapping(own, "parameters").items()}
     return Proof(
         basins,

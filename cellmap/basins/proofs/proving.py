@@ -21,6 +21,7 @@ from ...maps.orbit_batch import Cost
 from ...orbits.attractor import Kind
 from ...orbits.contraction import check_periods, contraction_balls, point_width
 from ..record import Basins
+from .growing import grown
 from .level_file import levels_kept
 from .passes import Machine
 from .proof import Proof
@@ -44,7 +45,8 @@ def prove(
     """Prove labels of whole cells by interval arithmetic.
 
     First, attractors: around each periodic one the largest balls are sought that the map is proved to contract into one
-    another, so that there is one periodic orbit in them to which all points converge.  Then cells: one is proved if
+    another, so that there is one periodic orbit in them to which all points converge; and larger ones, whose points are
+    proved to come to these by following boxes that cover them.  Then cells: one is proved if
     all cells that its enclosed image meets are proved with the same label, beginning with those that lie in a ball.
     Other cells are followed as parallelepipeds until they lie in proved cells or in a ball.  What remains is halved
     along each axis, and tried again.  Cells one of whose neighbours has another label or a quite different settling
@@ -122,14 +124,15 @@ def prove(
         )
     claim_memory(f"proofs of {cells:,} cells", _BYTES * cells, "take fewer splits, or a grid of fewer cells")
     check_periods(exact, *_some_places(basins, point_width(intervals) * extent), intervals)
-    attractors = {}
+    attractors, boxes = {}, 0
     for k in _provable(basins):
         a = basins.attractors[k]
         balls = contraction_balls(exact, a.points[: a.period], extent, intervals)
         if balls is not None:
-            attractors[k] = balls
+            attractors[k], more = grown(exact, balls, extent, max_periods, intervals)
+            boxes += more
     machine = Machine.of(exact, intervals, attractors, extent, progress)
-    proved, boxes = ProvedCells.none(region), 0
+    proved = ProvedCells.none(region)
     with levels_kept(checkpoint, basins, region, splits, max_periods, intervals) as kept:
         for level in range(splits + 1):
             proved = proved.refined() if level else proved
