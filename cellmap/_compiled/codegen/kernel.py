@@ -117,7 +117,8 @@ def jet_flow_kernel(
         jet = jet_trace(traced, order)
         large = dimension > LARGE
         chosen = choose_method(method, jet, rtol, large)
-        return finished(compiled_steps(chosen, jet, len(names), large), chosen)
+        # Higher derivatives are needed at few points only: to compile well takes longer than all of their steps.
+        return finished(compiled_steps(chosen, jet, len(names), large, quick=order > 1), chosen)
     except UntraceableError:
         return None
 
@@ -224,7 +225,7 @@ def discrete_kernel(
         traced = jet_trace(traced, order)
     except UntraceableError:
         return None
-    return compiled_period(application(traced), len(traced.outputs), len(names))
+    return compiled_period(application(traced), len(traced.outputs), len(names), quick=order > 1)
 
 
 @kept
@@ -300,13 +301,18 @@ def application(traced: Trace) -> Step:
     return step
 
 
-def compiled_steps(method: Method, traced: Trace, parameters: int, large: bool = False) -> CompiledPeriod:
-    """Compile the period of a traced right-hand side by a method, for a `large` system with its states in memory."""
+def compiled_steps(
+    method: Method, traced: Trace, parameters: int, large: bool = False, quick: bool = False
+) -> CompiledPeriod:
+    """Compile the period of a traced right-hand side by a method, for a `large` system with its states in memory.
+
+    With `quick` values of other systems stay in memory as well, see :func:`machine_code`.
+    """
     if large and method.tableau is not None:
         return compiled_in_memory(traced, method.tableau)
     step: Any = method.write(traced)
     frame = compiled_own_steps if method.own_steps else compiled_period
-    return frame(step, len(traced.states), parameters)
+    return frame(step, len(traced.states), parameters, quick)
 
 
 def finished(advance: CompiledPeriod, method: Method, trial: int = 1) -> PeriodKernel:

@@ -37,9 +37,9 @@ _HIGHER = 10.0
 _SHORTEST = 1e-15  # of the period
 
 
-def compiled_own_steps(step: OwnStep, dimension: int, parameters: int) -> CompiledPeriod:
+def compiled_own_steps(step: OwnStep, dimension: int, parameters: int, quick: bool = False) -> CompiledPeriod:
     """Compile the function."""
-    return compiled_advance(own_steps_text(step, dimension, parameters, vector_width()))
+    return compiled_advance(own_steps_text(step, dimension, parameters, vector_width()), quick)
 
 
 @dataclass(frozen=True)

@@ -74,15 +74,15 @@ estimates of their local errors as well.
 """
 
 
-def compiled_period(step: Step, dimension: int, parameters: int) -> CompiledPeriod:
+def compiled_period(step: Step, dimension: int, parameters: int, quick: bool = False) -> CompiledPeriod:
     """Compile the function ``advance`` described above."""
-    return compiled_advance(period_text(step, dimension, parameters, vector_width()))
+    return compiled_advance(period_text(step, dimension, parameters, vector_width()), quick)
 
 
 @functools.lru_cache(maxsize=256)
-def compiled_advance(text: str) -> CompiledPeriod:
+def compiled_advance(text: str, quick: bool = False) -> CompiledPeriod:
     """Compile a module with a function ``advance``; equal formulas share one."""
-    loaded = machine_code(text)
+    loaded = machine_code(text, quick)
     return CompiledPeriod(loaded.address("advance"), loaded)
 
 
