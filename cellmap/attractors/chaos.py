@@ -23,8 +23,8 @@ from ..orbits.newton import resolution
 from .boxes import boxes_around, boxes_of, inside_cover, moved_boxes
 from .clouds import Clouds, pieces_of, recurrent_groups
 from .creeping import creeping
+from .leading_exponents import leading_exponents
 from .matching import thinned
-from .recurrence import leading_exponents
 from .settling import RESIDENCE, path_of
 from .transients import HALF, Late, Reason, follow_on
 from .trapping_boxes import is_trapped, with_trapped_boxes
@@ -92,7 +92,8 @@ def examine(
     chaotic = reasons == Reason.TRANSIENT
     if not chaotic.any():
         rows = np.flatnonzero(reasons == Reason.REGULAR)
-        if len(rows) and drift(point_map, chosen[rows[0]], reach) is not None:
+        few = point_map.dimension <= SAMPLED
+        if few and len(rows) and drift(point_map, chosen[rows[0]], reach) is not None:
             reasons[rows] = Reason.RESONANT
         return Examination((), tuple(map(Reason, reasons)))
     if chaotic.all() and age >= MATURE and point_map.is_flow and point_map.dimension <= SAMPLED:

@@ -29,6 +29,7 @@ _CLOSE = 1e-3  # within this one
 _SAME = 1e-4  # part of the extent in which ends that have closed are on one orbit
 _ATTRACTORS = 2**32  # more than there are
 _REFINING = 4  # derivatives, a direction like an image, that take an end to the multipliers of its orbit
+_FOLLOWED = 256, 2**15  # orbits, and coordinates of all of them, along which curves are looked for in one look
 _CYCLES = 16  # closed orbits of more than one period that are refined at a time
 
 
@@ -37,7 +38,7 @@ class Examined:
     """What a search has tried: ends that a look comes back to, and points to which many ends lead, again and again.
 
     ``points``: periodic points that belong to no attractor; ``ends``: what became of guesses, by their bits and period,
-    and of looks for curves, by the sum of the states and a negative number;
+    and of looks for curves, by the states, or their sum, and a negative number;
     ``distances``: how close the ends of the last look have come back to themselves, by their bits; ``lines``: points of
     segments of periodic points that do not attract; ``begun``: where orbits began; ``images``: images of the map that
     Newton's method, regions of attractors and looks for curves may still take in more than four dimensions.
@@ -76,12 +77,24 @@ class Examined:
         apart = np.abs(difference(self.points, point, self.coordinates))
         return bool((apart <= 1e-8 * resolution(point, self.extent)).all(axis=-1).any())
 
-    def looked_for_curves(self, states: Floats, age: int, known: int, slow: bool) -> bool:
-        """Tell whether a look along orbits of an age was made with as many known attractors, and remember it."""
-        key = states.sum(axis=0).tobytes(), -(2 * age + int(slow)) * _ATTRACTORS - known
-        before = key in self.ends
-        self.ends[key] = None
-        return before
+    def looked_along(self, states: Floats, age: int, known: int, slow: bool) -> Floats:
+        """Return those of the orbits of an age along which curves are to be looked for, and remember them.
+
+        None where the same look was made with as many known attractors; in more than four dimensions some of those
+        that were not followed at this age, so many that many move on together.
+        """
+        look = -(2 * age + int(slow)) * _ATTRACTORS
+        if states.shape[1] <= SAMPLED:
+            keys = [(states.sum(axis=0).tobytes(), look - known)]
+            chosen = states[:0] if keys[0] in self.ends else states
+        else:
+            left = [k for k, state in enumerate(states) if (state.tobytes(), look) not in self.ends]
+            most = min(_FOLLOWED[0], _FOLLOWED[1] // states.shape[1])
+            some = np.unique(np.linspace(0, len(left) - 1, most).round().astype(int)) if left else []
+            chosen = states[[left[k] for k in some]]
+            keys = [(state.tobytes(), look) for state in chosen]
+        self.ends |= dict.fromkeys(keys)
+        return chosen
 
     def refuse(self, points: Floats) -> None:
         """Remember the points of an orbit that is no attractor."""

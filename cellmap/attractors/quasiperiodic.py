@@ -75,7 +75,7 @@ def quasiperiodic_attractors(
     """
     exact = point_map.without_table
     if exact.dimension > SAMPLED:
-        return Found(*recurrent_attractors(exact, states, extent, age, known, afford))
+        return Found(*recurrent_attractors(exact, states, extent, age, known, slow, afford))
     found = Found([], [])
     left = states
     for _ in range(_ORBITS):

@@ -367,7 +367,8 @@ def curves_and_cycles(
     slow: bool,
 ) -> list[Attractor]:
     """Return invariant circles to which orbits come, and the long cycles that they turned out to be on instead."""
-    if examined.looked_for_curves(states, age, len(known), slow):
+    states = examined.looked_along(states, age, len(known), slow)
+    if not len(states):
         return []
     found = quasiperiodic_attractors(point_map, states, extent, age, known, slow, examined.afford)
     return found.attractors + verified_cycles(point_map, found.cycles, [*known, *found.attractors], extent, examined)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite, nan, pi
@@ -171,19 +173,30 @@ def _is_circle(turn: Floats | float) -> bool:
 def wrap(points: Floats, coordinates: Sequence[Coordinate]) -> Floats:
     """Return points (..., dimension) with every angle wrapped; NaN where it is too large to have a phase."""
     wrapped = np.array(points, dtype=float)
-    for j, c in enumerate(coordinates):
-        if c.period is not None and c.lower is not None:
-            wrapped[..., j] = in_turn(wrapped[..., j], c.lower, c.period)
+    for columns, lower, period in _circles(tuple(coordinates)):
+        if lower is not None:
+            wrapped[..., columns] = in_turn(wrapped[..., columns], lower, period)
     return wrapped
 
 
 def difference(a: Floats, b: Floats, coordinates: Sequence[Coordinate]) -> Floats:
     """Return a - b, along angles the shorter way round."""
     d = np.asarray(a, dtype=float) - np.asarray(b, dtype=float)
-    for j, c in enumerate(coordinates):
-        if c.period is not None:
-            d[..., j] = shortest(d[..., j], c.period)
+    for columns, _, period in _circles(tuple(coordinates)):
+        d[..., columns] = shortest(d[..., columns], period)
     return d
+
+
+@functools.lru_cache(maxsize=256)
+def _circles(coordinates: tuple[Coordinate, ...]) -> tuple[tuple[slice, float | None, float], ...]:
+    """Return angles one beside the other on equal circles as slices, with where these are cut and their periods."""
+    found, begin = [], 0
+    for (lower, period), group in itertools.groupby(coordinates, lambda c: (c.lower, c.period)):
+        end = begin + len(list(group))
+        if period is not None:
+            found.append((slice(begin, end), lower, period))
+        begin = end
+    return tuple(found)
 
 
 def circular_tree(

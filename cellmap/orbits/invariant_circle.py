@@ -268,8 +268,9 @@ def closed_after(history: Floats, point_map: PointMap, extent: Floats) -> int:
 def signals_of(points: Floats, coordinates: Sequence[Coordinate]) -> Complexes:
     """Return signals that are continuous along an orbit: points on the unit circle for angles."""
     turn = turns_of(coordinates)[1]
-    around = np.where(turn > 0, turn, 1.0)
-    return np.asarray(np.where(turn > 0, np.exp(2j * np.pi * points / around), points + 0j))
+    signals, angles = points.astype(complex), turn > 0
+    signals[..., angles] = np.exp(2j * np.pi * points[..., angles] / turn[angles])
+    return signals
 
 
 def _fit(point_map: PointMap, history: Floats, rotations: Ints, harmonics: int) -> tuple[FittedCircle | None, bool]:

@@ -10,7 +10,8 @@ import pytest
 
 from cellmap import angle, discrete_map, find_attractors, find_basins, load_basins, save_basins
 from cellmap.attractors import examined
-from cellmap.attractors.recurrence import leading_exponents, recurrent_attractors
+from cellmap.attractors.leading_exponents import leading_exponents
+from cellmap.attractors.recurrence import recurrent_attractors
 from cellmap.attractors.settling import Catalogue
 from cellmap.attractors.trapping import trapping_neighbourhood
 
@@ -109,7 +110,7 @@ def test_what_cannot_be_afforded_is_not_verified(circles):
     (origin,) = find_attractors(wells, np.random.default_rng(3).uniform(-0.4, 0.4, (8, 6)))
     region = trapping_neighbourhood(wells, origin, np.ones(6), lambda images: False)
     assert origin.verified and not replace(origin, neighbourhood=region).verified
-    assert recurrent_attractors(circles, np.ones((3, 6)), np.ones(6), 10, [], lambda images: False) == ([], [])
+    assert recurrent_attractors(circles, np.ones((3, 6)), np.ones(6), 10, [], afford=lambda images: False) == ([], [])
 
 
 def test_chaos_in_many_dimensions_has_few_boxes_and_the_exponent_of_its_map():
