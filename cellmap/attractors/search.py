@@ -250,10 +250,10 @@ def sort_out(
             fresh = _crept_to(point_map, orbits.points, extent, attractors, examined)
         if not fresh:
             break
-        attractors = [*attractors, *fresh]
-        before = len(orbits)
-        settled = settle(point_map, orbits, Catalogue.of(attractors, point_map), 0, age)
-        owners[rows] = settled.labels
+        # None of these orbits is on an attractor that was known before.
+        settled = settle(point_map, orbits, Catalogue.of(fresh, point_map), 0, age)
+        owners[rows] = np.where(settled.labels >= 0, settled.labels + len(attractors), settled.labels)
+        before, attractors = len(orbits), [*attractors, *fresh]
         rows, orbits = rows[settled.undecided], settled.orbits
         if patient and _many_settle(before, len(orbits)):
             break

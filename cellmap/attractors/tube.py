@@ -30,10 +30,10 @@ SAMPLED = 4
 MOST_STEPS, FIRST_FACTOR = 256, 0.6
 """Steps after which points of the first surface have to be closer to the curves, and the factor."""
 
-_SEEN = 128  # points of each surface along a curve
+_SEEN = {1: 128, 2: 128, 3: 128}  # points of each surface along a curve; else 64
 _NARROW = 1e-4  # radius of the first surface, in units of the curve's size
 _ALLOWED = 0.9  # largest factor on all other surfaces
-_GROWTH = 1.25
+_GROWTH = {1: 1.25, 2: 1.25, 3: 1.25}  # factor from one surface to the next; else 2.0
 _AHEAD = 4  # surfaces that are looked at together
 _FINENESS = {1: 0.5, 2: 0.5, 3: 0.5, 4: 0.75}  # diagonal of a box in units of the tube's radius; else 1.5
 _MOST_BOXES = 2**20
@@ -101,12 +101,12 @@ class Curves:
 
     def between(self, distances: Floats) -> Floats:
         """Return the largest of distances (surfaces, n), with half of what they change to the next along a curve."""
-        return _largest(distances.reshape(len(distances), len(self.points), _SEEN, -1), (2,))
+        return _largest(distances.reshape(len(distances), len(self.points), _seen(self.exact), -1), (2,))
 
     def surface(self, radii: Floats) -> Floats:
         """Return points (radii, curves, along, directions, dimension) beside the curves, across them."""
         d, number = self.exact.dimension, self.points.shape[1]
-        chosen = np.arange(_SEEN) * (number // _SEEN)
+        chosen = np.arange(_seen(self.exact)) * (number // _seen(self.exact))
         here = self.points[:, chosen]
         ahead, behind = (self.points[:, (chosen + side) % number] for side in (1, -1))
         tangents = difference(ahead, behind, self.exact.coordinates) / self.size
@@ -210,6 +210,10 @@ class Tube:
     contraction: float
 
 
+def _seen(exact: PointMap) -> int:
+    return _SEEN.get(exact.dimension, 64)
+
+
 def _largest(values: Floats, axes: tuple[int, ...]) -> Floats:
     """Return the largest of each of some values (n, ...), with half of what they change to the next along axes."""
     with np.errstate(invalid="ignore"):
@@ -221,7 +225,8 @@ def verified_tube(curves: Attracting, extent: Floats, narrowest: float) -> Tube 
     """Return the widest tube around attracting curves on whose inner surfaces all points are seen to come closer.
 
     After a fixed number of steps the distance to the curves has fallen by a tenth or more, everywhere on surfaces from
-    the narrowest to the widest, each a quarter wider than the one before.  A distance that falls again and again leaves
+    the narrowest to the widest, each a quarter wider than the one before, or twice as wide in four dimensions, where
+    surfaces take many points.  A distance that falls again and again leaves
     no other attractor in the tube.  None where the narrowest surface does not contract.
     """
     limit = 0.25 * float((extent / curves.size).min())
@@ -234,7 +239,7 @@ def verified_tube(curves: Attracting, extent: Floats, narrowest: float) -> Tube 
     if not steps:
         return None
     while radius < limit:
-        radii = np.minimum(radius * _GROWTH ** np.arange(1, _AHEAD + 1), limit)
+        radii = np.minimum(radius * _GROWTH.get(curves.exact.dimension, 2.0) ** np.arange(1, _AHEAD + 1), limit)
         factors = _factors(curves, radii, steps)
         passed = int(np.argmin(np.append(factors <= _ALLOWED, False)))
         if passed:

@@ -40,6 +40,17 @@ def rotating(x, p):
     )
 
 
+def torus(x, p):
+    """Return the step of five circles, each as above, with a coordinate that sees the beat of the first two."""
+    moved = []
+    for k in range(5):
+        z, y = x[2 * k], x[2 * k + 1]
+        growth = 1.2 - 0.2 * (z * z + y * y) / (RADIUS * RADIUS)
+        c, s = cos(2 * pi * p[k]), sin(2 * pi * p[k])
+        moved += [growth * (c * z - s * y), growth * (s * z + c * y)]
+    return *moved, 0.5 * x[10] + x[0] * x[2]
+
+
 @pytest.fixture(scope="module")
 def circles():
     return discrete_map(normal_forms, {"w": GOLDEN}, tuple(f"x{i}" for i in range(6)))
@@ -66,6 +77,18 @@ def test_circles_are_found_by_recurrence_with_rotation_number_and_residual(circl
     save_basins(basins, tmp_path / "basins.h5")
     assert not load_basins(tmp_path / "basins.h5").attractors[0].verified
     assert basins.verify(40).wrong == 0
+
+
+def test_a_torus_of_five_frequencies_two_of_which_nearly_agree():
+    """Five exponents are zero, more than are seen at first, and averages take 1,500 steps, the length of a beat."""
+    frequencies = [GOLDEN, GOLDEN + 1 / 1500, np.sqrt(2) - 1, np.sqrt(3) - 1, np.sqrt(5) / 7]
+    point_map = discrete_map(torus, dict(zip("abcde", frequencies, strict=True)), tuple(f"x{i}" for i in range(11)))
+    start = np.random.default_rng(0).uniform(-0.9, 0.9, (12, 11))
+    with pytest.warns(UserWarning, match="1 of 1 attractors are not verified"):
+        basins = find_basins(point_map, start, max_periods=300)
+    assert (basins.labels == 0).all()
+    points = basins.attractors[0].points.reshape(-1, 11)[:, :10].reshape(-1, 5, 2)
+    assert np.linalg.norm(points, axis=2) == pytest.approx(RADIUS, abs=1e-9)
 
 
 def test_an_angle_that_turns_gets_sectors_in_which_others_are_bound_to_it():

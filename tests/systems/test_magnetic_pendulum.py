@@ -88,6 +88,25 @@ def test_three_basins_of_equal_size() -> None:
     assert np.mean(basins.labels == successor[np.roll(basins.labels, 10, axis=0)]) > 0.98
 
 
+def test_fractions_of_another_program() -> None:
+    """Attractors.jl 1.x finds these fractions from 1,000 initial conditions at rest in a square, in its own tests.
+
+    Datseris, Wagemakers, Chaos 32 (2022) 023104; the file is test/mapping/attractor_mapping.jl of the package.
+    """
+    published = {(-0.5, 0.857): 0.377, (-0.5, -0.857): 0.314, (1.0, 0.0): 0.309}
+    initial_conditions = np.zeros((2000, 4))
+    initial_conditions[:, :2] = np.random.default_rng(1).uniform(-2.0, 2.0, (2000, 2))
+    strobe = stroboscopic_map(magnetic_pendulum(damping=0.2, stiffness=0.64, height=0.2))
+    basins = find_basins(strobe, initial_conditions)
+    assert len(basins.attractors) == 3
+    for place, theirs in published.items():
+        apart = [np.linalg.norm(a.points[0] - [*place, 0.0, 0.0]) for a in basins.attractors]
+        assert min(apart) < 0.02
+        ours = basins.fractions[int(np.argmin(apart))]
+        error = np.hypot(ours.standard_error, sqrt(theirs * (1.0 - theirs) / 1000))
+        assert abs(ours.fraction - theirs) < 3.0 * error
+
+
 @pytest.mark.parametrize("name", ["height", "radius", "period"])
 def test_bad_parameters_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match=rf"{name}=0.0: give a number above 0"):
