@@ -90,8 +90,8 @@ class Examined:
         else:
             left = [k for k, state in enumerate(states) if (state.tobytes(), look) not in self.ends]
             most = min(_FOLLOWED[0], _FOLLOWED[1] // states.shape[1])
-            some = np.unique(np.linspace(0, len(left) - 1, most).round().astype(int)) if left else []
-            chosen = states[[left[k] for k in some]]
+            some = np.unique(np.linspace(0, max(len(left) - 1, 0), most).round().astype(int))[: len(left)]
+            chosen = states[np.array(left, int)[some]]
             keys = [(state.tobytes(), look) for state in chosen]
         self.ends |= dict.fromkeys(keys)
         return chosen
