@@ -20,7 +20,7 @@ def plain() -> dict[str, Basins]:
 
 @pytest.fixture(scope="module")
 def small_tiles() -> Iterator[None]:
-    """Several tiles to small pictures; no result depends on their size."""
+    """Several tiles to small basin images; no result depends on their size."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("cellmap.basins.run.CHUNK", TILE)
         patch.setattr("cellmap.basins.label_file.Progress", functools.partial(Progress, size=TILE))
