@@ -36,6 +36,7 @@ _SETTLED, _STANDS = 64, 0.95  # periods after which distances that twice as many
 _PERIODS = 16  # in which orbits near the ends have to come closer
 _SAMPLE = 256
 _MOST_BOXES = 2**20  # into which those of another cover are cut
+_MOST_PLACES = 2**22  # in boxes that are tried, corners of which there are 2^d in each
 _EDGE = 0.499  # of a box, from its centre to its corners
 
 
@@ -258,11 +259,13 @@ def _joined(covers: Sequence[Cover], segments: Sequence[Segment]) -> Cover:
 
 
 def _drawn(segment: Segment, cover: Cover, boxes: Ints) -> Bools:
-    """Tell in which boxes centre and corners rest, or come closer to the segment."""
+    """Tell in which boxes centre and corners rest, or come closer to the segment; of very many, in none."""
     exact, d = segment.exact, segment.exact.dimension
     drawn = np.ones(len(boxes), bool)
     # Where the centre is not drawn in, the corners need not be followed.
     for corners in (np.full((1, d), 0.5), np.array(list(itertools.product((0.0, 1.0), repeat=d)))):
+        if np.count_nonzero(drawn) * len(corners) > _MOST_PLACES:
+            return np.zeros(len(boxes), bool)
         places = cover.lower + (boxes[drawn][:, None, :] + corners) * cover.widths
         begin = wrap(places.reshape(-1, d), exact.coordinates)
         orbits = Orbits.starting(begin.copy())

@@ -261,11 +261,11 @@ def cover_of_tube(curves: Attracting, tube: Tube) -> Cover | None:
     visited = np.unique(boxes_of(points, corner, widths, curves.exact), axis=0)
     half = 0.5 * float(np.linalg.norm(widths / curves.size))
     reach = np.ceil((tube.radius - half) * curves.size / widths).astype(int).clip(1, None)
-    while len(visited) * np.prod(2 * reach + 1) > _MOST_BOXES and reach.max() > 1:
+    while len(visited) * np.prod(2.0 * reach + 1.0) > _MOST_BOXES and reach.max() > 1:
         reach = np.maximum(reach - 1, 1)
-    steps = list(itertools.product(*[range(-r, r + 1) for r in reach]))
-    if len(visited) * len(steps) > _MOST_BOXES:
+    if len(visited) * np.prod(2.0 * reach + 1.0) > _MOST_BOXES:
         return None
+    steps = list(itertools.product(*[range(-r, r + 1) for r in reach]))
     # Boxes are numbered within the turn of an angle, as the places of points are.
     centres = corner + (visited[:, None, :] + np.array(steps) + 0.5) * widths
     boxes = np.unique(boxes_of(centres.reshape(-1, d), corner, widths, curves.exact), axis=0)
