@@ -229,7 +229,11 @@ def test_what_cannot_be_proved_says_so(roots):
     with pytest.raises(ValueError, match="CellGrid"):
         prove(find_basins(roots.point_map, np.array([[1.0, 0.1], [-1.0, 0.4]])))
     chaotic = discrete_map(lambda x, p: (3.9 * x[0] * (1 - x[0]),), {}, ("x",))
-    assert prove(find_basins(chaotic, CellGrid((0.1,), (0.9,), (20,)))).share == 0.0
+    found = prove(find_basins(chaotic, CellGrid((0.1,), (0.9,), (20,))))
+    assert found.share == 0.0 and "none that is periodic was found" in repr(found)
+    folded = discrete_map(lambda x, p: (1.9 * abs(x[0] - 0.5),), {}, ("x",))
+    with pytest.raises(ValueError, match="fabs is not enclosed"):
+        prove(find_basins(folded, CellGrid((0.1,), (0.9,), (20,))))
 
 
 def test_a_proof_of_no_cell_tells_what_is_proved():

@@ -19,7 +19,7 @@ from .orbits_of_sets import on_threads, orbits_of
 
 _LARGEST = 0.5  # of an extent, half-width of a ball
 _FURTHER = 1.5  # times the radius
-_PARTS = {1: (128,), 2: (32, 64), 3: (8,)}  # boxes along each axis; more where these fail
+_PARTS = {1: (128,), 2: (32, 64), 3: (8, 16)}  # boxes along each axis; more where these fail
 _MOST = 1 << 16  # boxes of all balls
 
 

@@ -72,7 +72,10 @@ class Proof(ShownAsHtml, ConvertsToXarray):
         )
         known, sought = len(self.attractors), len(self.basins.attractors)
         nothing = f"no label is proved, though {known} of {sought} attractors are: take smaller cells"
-        parts = parts or (nothing if known else "no label and no attractor is proved")
+        if not known:
+            none = not any(a.period for a in self.basins.attractors)
+            nothing = f"no label and no attractor is proved{': none that is periodic was found' if none else ''}"
+        parts = parts or nothing
         return f"Proof({self.name}: {in_figures(100 * self.share)} % of the window; {parts})"
 
     @property

@@ -17,6 +17,7 @@ from ..._lib.signatures import checked
 from ...attractors.labels import Label
 from ...attractors.settling import Catalogue, classify
 from ...maps.coordinates import turns_of
+from ...maps.enclosures import enclosed_images
 from ...maps.orbit_batch import Cost
 from ...orbits.attractor import Kind
 from ...orbits.contraction import check_periods, contraction_balls, point_width
@@ -123,7 +124,9 @@ def prove(
             "32,768 attractors; take fewer splits, or a smaller window"
         )
     claim_memory(f"proofs of {cells:,} cells", _BYTES * cells, "take fewer splits, or a grid of fewer cells")
-    check_periods(exact, *_some_places(basins, point_width(intervals) * extent), intervals)
+    places = _some_places(basins, point_width(intervals) * extent)
+    enclosed_images(exact, *places, parameters=intervals)  # says why maps without enclosures have none
+    check_periods(exact, *places, intervals)
     attractors, boxes = {}, 0
     for k in _provable(basins):
         a = basins.attractors[k]
