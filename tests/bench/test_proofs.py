@@ -41,7 +41,7 @@ FLOWS = {
     "pendulum, 10 mm, 1000^2 (asked 40 %)": (shaken(0.010), (pi, 0.32), 1000, 0),
     "pendulum, 10 mm, 500^2, two splits (asked 50 % in 60 s)": (shaken(0.010), (pi, 0.32), 500, 2),
     "inverted pendulum, damping 0.6, 500^2 (asked 90 %)": (dimensionless_pendulum(-0.1, 0.545, 0.6), (pi, 4), 500, 1),
-    # A chaotic saddle fills the upright basin: 44 % of cells of 1000^2 have neighbours of nearly the same settling time.
+    # A chaotic saddle fills the upright basin: 44 % of cells of 1000^2 have neighbours of nearly its settling time.
     "inverted pendulum, damping 0.2, 500^2": (dimensionless_pendulum(-0.1, 0.545, 0.2), (pi, 4.0), 500, 1),
     "two-well Duffing, strongly damped, 500^2 (asked 60 %)": (duffing_oscillator(0.5, -1.0, 1.0, 0.2), (2, 2), 500, 1),
     "hardening Duffing, 500^2 (asked 80 %)": (duffing_oscillator(0.1, 1.0, 1.0, 0.5, 1.5), (3, 3), 500, 1),
