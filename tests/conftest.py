@@ -150,11 +150,11 @@ def scipy_images() -> Callable[..., NDArray[np.float64]]:
     ) -> NDArray[np.float64]:
         begin = phase * system.length
         span = (begin, begin + periods * system.length)
-        rhs, starts = rebind(system.rhs, ARRAY_FUNCTIONS), np.atleast_2d(np.asarray(initial_conditions, dtype=float))
+        rhs, states = rebind(system.rhs, ARRAY_FUNCTIONS), np.atleast_2d(np.asarray(initial_conditions, dtype=float))
 
         def of_all(t: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
-            rates = rhs(t, tuple(y.reshape(-1, len(starts))), system.parameters)
-            return np.concatenate([np.broadcast_to(rate, len(starts)) for rate in rates])
+            rates = rhs(t, tuple(y.reshape(-1, len(states))), system.parameters)
+            return np.concatenate([np.broadcast_to(rate, len(states)) for rate in rates])
 
         def solved(fun: Callable[..., Any], x: NDArray[np.float64], rtol: float) -> NDArray[np.float64]:
             solution = solve_ivp(fun, span, x, method="DOP853", rtol=rtol, atol=1e-14)
@@ -162,10 +162,10 @@ def scipy_images() -> Callable[..., NDArray[np.float64]]:
             return np.asarray(solution.y[:, -1])
 
         if one_by_one:
-            ends = np.array([solved(system.fun, ic, rtol) for ic in starts])
+            ends = np.array([solved(system.fun, ic, rtol) for ic in states])
         else:
             # SciPy's error is a mean over all components: at worst all of it is in one orbit.
-            ends = solved(of_all, starts.T.ravel(), max(rtol / np.sqrt(len(starts)), 3e-14)).reshape(-1, len(starts)).T
+            ends = solved(of_all, states.T.ravel(), max(rtol / np.sqrt(len(states)), 3e-14)).reshape(-1, len(states)).T
         return ends.reshape(np.shape(initial_conditions))
 
     return images

@@ -23,13 +23,13 @@ def image(rhs, period, place, tolerance=1e-9):
 
 def by_scipy(rhs, period, places):
     """Integrate what is smooth or has kinks in 4,000 steps, all orbits as one system."""
-    of_arrays, starts = rebind(rhs, ARRAY_FUNCTIONS), np.transpose(places)
+    of_arrays, states = rebind(rhs, ARRAY_FUNCTIONS), np.transpose(places)
 
     def fun(t, y):
-        return np.concatenate(of_arrays(t, y.reshape(starts.shape), None))
+        return np.concatenate(of_arrays(t, y.reshape(states.shape), None))
 
     kept = {"rtol": 1e-12, "atol": 1e-13, "max_step": period / 4000}
-    return solve_ivp(fun, (0, period), starts.ravel(), "DOP853", **kept).y[:, -1].reshape(starts.shape).T
+    return solve_ivp(fun, (0, period), states.ravel(), "DOP853", **kept).y[:, -1].reshape(states.shape).T
 
 
 def test_a_ramp_that_only_one_side_uses():
