@@ -11,6 +11,7 @@ from math import cos, inf, pi, sin
 from pathlib import Path
 from typing import Any
 
+import llvmlite.binding as llvm
 import numpy as np
 import pytest
 from hypothesis import settings
@@ -38,6 +39,9 @@ def pytest_configure(config: pytest.Config) -> None:
         folder = config.cache.mkdir("kernels")
         folder.chmod(0o700)
         os.environ["CELLMAP_CACHE_DIR"] = str(folder)
+    # Thousands of kernels run for a moment each: LLVM need not look for the best order of their instructions.  Results
+    # have the same bits, for each instruction stays what it is.
+    llvm.set_option("", "-enable-misched=false")
     config.pluginmanager.register(ClosedFigures())
 
 
