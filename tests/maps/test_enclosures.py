@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import random
 from collections.abc import Callable
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, PointMap, discrete_map, interpolated_map, set_threads
+from cellmap._compiled.codegen import enclosures
 from cellmap.maps.enclosures import MeanValueForms, enclosed_images
 
 OF_ONE = "sin cos tan exp log sqrt sinh cosh tanh atan asin acos asinh acosh atanh log1p expm1 log2 log10 exp2".split()
@@ -116,6 +118,54 @@ def test_points_of_boxes_under_random_formulas(seed: int) -> None:
         assert worst <= 1, text
         compared += points
     assert compared > 500
+
+
+LEFT_OUT = {
+    "bends in derivatives": (
+        "widened(products([bend[e].reach for bend in bent], w), near[e].radius)",
+        "near[e].radius",
+    ),
+    "errors at the centre in derivatives": (
+        "w), near[e].radius) for e in range(d * d)",
+        "w), 0.0) for e in range(d * d)",
+    ),
+    "errors over the box in derivatives": ("abs(a.m - b.m), a.radius)", "abs(a.m - b.m), 0.0)"),
+    "bends in spreads": ("0.5 * products(", "0.4 * products("),
+    "errors at the centre in spreads": (" + near[e].radius for e in of_row", " for e in of_row"),
+    "errors of images in spreads": (
+        "widened(products(halves, w), images[i].radius)",
+        "widened(products(halves, w), 0.0)",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", [None, *LEFT_OUT])
+def test_every_part_of_second_order_is_needed(what: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Points of boxes are outside without it: of a square, and of factors that are rounded where nothing bends."""
+    if what is not None:
+        source, (part, other) = inspect.getsource(enclosures.discrete_text), LEFT_OUT[what]
+        assert source.count(part) == 1
+        names = dict(vars(enclosures))
+        exec("from __future__ import annotations\n" + source.replace(part, other), names)
+        monkeypatch.setattr(enclosures, "discrete_text", names["discrete_text"])
+    worst, rng = mpmath.mpf(0), random.Random(0)
+    centres = np.array([[1.0, 0.0], [0.3, 0.0], [2.0**-30, 0.0]])
+    with mpmath.workdps(40):
+        for text, width in (
+            ("x * x", 0.25),
+            ("(0.1 * k) * x", 0.25),
+            ("(0.1 * k) * x", 0.0),
+            ("x / k - y * y", 2.0**-30),
+        ):
+            point_map, exact = map_of(text)
+            halves = np.full((3, 2), width)
+            forms = enclosed_images(point_map, centres, halves)
+            for row, centre in enumerate(centres):
+                points = points_of(rng, centre, halves[row])
+                worst = max(
+                    worst, distance(forms, row, centre, lambda q, exact=exact: exact(q, mpmath.mpf(0.7)), points)
+                )
+    assert (worst > 1) == (what is not None)
 
 
 def henon() -> PointMap:
