@@ -349,9 +349,8 @@ RECORDS = {*MADE_BY, *BY_HAND, *WITH_METHODS}
 
 def called(name: str, arguments: Mapping[str, Any]) -> Any:
     function = TARGETS[name]()
-    kinds = [p.kind for p in parameters(name)]
-    if inspect.Parameter.VAR_POSITIONAL not in kinds:
-        return function(**arguments)
-    by_place = [p.name for p in parameters(name)[: kinds.index(inspect.Parameter.VAR_POSITIONAL) + 1]]
+    given = parameters(name)
+    several = [k for k, p in enumerate(given) if p.kind is p.VAR_POSITIONAL]
+    by_place = [p.name for k, p in enumerate(given) if p.kind is p.POSITIONAL_ONLY or k <= max(several, default=-1)]
     named = {key: value for key, value in arguments.items() if key not in by_place}
-    return function(*(arguments[key] for key in by_place), **named)
+    return function(*(arguments[key] for key in by_place if key in arguments), **named)
