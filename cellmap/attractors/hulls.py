@@ -35,8 +35,21 @@ class Hulls:
         return cls(exact, path, _pieces(exact, path, np.abs(np.ptp(rotations, axis=0)) > 0, extent), extent)
 
     def of_width(self, width: float) -> Neighbourhood:
-        """Return the ellipsoids of a width."""
-        return _hull(self.exact, self.path, self.pieces, self.extent, width)
+        """Return ellipsoids of a width that hold the pieces, across angles all over which a piece is spread."""
+        exact, path, extent = self.exact, self.path, self.extent
+        turn = turns_of(exact.coordinates)[1]
+        centres, metrics = [], []
+        for rows in self.pieces:
+            centre, shift = _about_mean(exact, path[rows])
+            kept = ~((turn > 0) & (np.abs(signals_of(path[rows], exact.coordinates).mean(axis=0)) < _SPREAD))
+            shift, unit = shift[:, kept] / extent[kept], extent[kept]
+            form = np.linalg.inv(shift.T @ shift / len(shift) + width**2 * np.eye(len(unit)))
+            size = _LOOSE * max(1.0, float(np.sqrt(np.einsum("ni,ij,nj->n", shift, form, shift).max())))
+            metric = np.zeros((len(turn), len(turn)))
+            metric[np.ix_(kept, kept)] = 0.5 * (form + form.T) / size**2 / np.outer(unit, unit)
+            centres.append(centre)
+            metrics.append(metric)
+        return Neighbourhood(np.array(centres), np.array(metrics), 1.0)
 
 
 def _pieces(exact: PointMap, path: Floats, turning: Bools, extent: Floats) -> list[Ints]:
@@ -63,23 +76,6 @@ def _about_mean(exact: PointMap, points: Floats) -> tuple[Floats, Floats]:
     mean = signals_of(points, exact.coordinates).mean(axis=0)
     centre = np.where(turn > 0, np.angle(mean) * turn / (2 * np.pi), mean.real)
     return wrap(centre, exact.coordinates), difference(points, centre, exact.coordinates)
-
-
-def _hull(exact: PointMap, path: Floats, pieces: Sequence[Ints], extent: Floats, width: float) -> Neighbourhood:
-    """Return ellipsoids that hold the pieces of an orbit, across angles all over which a piece is spread."""
-    turn = turns_of(exact.coordinates)[1]
-    centres, metrics = [], []
-    for rows in pieces:
-        centre, shift = _about_mean(exact, path[rows])
-        kept = ~((turn > 0) & (np.abs(signals_of(path[rows], exact.coordinates).mean(axis=0)) < _SPREAD))
-        shift, unit = shift[:, kept] / extent[kept], extent[kept]
-        form = np.linalg.inv(shift.T @ shift / len(shift) + width**2 * np.eye(len(unit)))
-        size = _LOOSE * max(1.0, float(np.sqrt(np.einsum("ni,ij,nj->n", shift, form, shift).max())))
-        metric = np.zeros((len(turn), len(turn)))
-        metric[np.ix_(kept, kept)] = 0.5 * (form + form.T) / size**2 / np.outer(unit, unit)
-        centres.append(centre)
-        metrics.append(metric)
-    return Neighbourhood(np.array(centres), np.array(metrics), 1.0)
 
 
 def surface_points(region: Neighbourhood, extent: Floats, number: int) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -115,13 +116,7 @@ def contraction_balls(
     ahead = Intervals.exact(np.roll(frames, -1, axis=0))
     moved = float(length_above((ahead @ Intervals(gaps.mid[..., None], gaps.rad[..., None]))[..., 0].above).max())
     balls = _Balls(exact, points, frames, inverse(frames), parameters)
-    rates: dict[float, float] = {}
-
-    def rate_of(radius: float) -> float:
-        if radius not in rates:
-            rates[radius] = balls.rate(radius)
-        return rates[radius]
-
+    rate_of = functools.cache(balls.rate)
     radius, failed, found = _FIRST, np.inf, None
     while radius < _LARGEST and rate_of(radius) < 1.0:  # balls that are much too large are dear
         radius = 2.0 * radius

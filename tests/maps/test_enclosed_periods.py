@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 import random
 from collections.abc import Callable
@@ -13,6 +12,7 @@ import mpmath
 import numpy as np
 import pytest
 from extended_integration import LONG, extrapolated
+from left_out import rewritten
 from test_enclosures import formula
 
 from cellmap import ForcedSystem, PointMap, angle, set_threads, stroboscopic_map
@@ -304,11 +304,8 @@ def test_every_part_of_second_order_is_needed(what: str | None, monkeypatch: pyt
     monkeypatch.setattr(enclosed_periods, "_REMAINDER", 1.0)
     with_second_derivatives(monkeypatch)
     if what is not None:
-        source, (part, other) = inspect.getsource(enclosing_steps.SecondOrderStep), SECOND_LEFT_OUT[what]
-        assert source.count(part) == 1
-        names = dict(vars(enclosing_steps))
-        exec("from __future__ import annotations\n" + source.replace(part, other), names)
-        monkeypatch.setattr(flow_enclosures, "SecondOrderStep", names["SecondOrderStep"])
+        changed = rewritten(enclosing_steps, "SecondOrderStep", *SECOND_LEFT_OUT[what])
+        monkeypatch.setattr(flow_enclosures, "SecondOrderStep", changed)
     wrong, late = False, list(SECOND_LEFT_OUT)[-2:]
     if what not in late:
         text, values, rng = "x * x + 0.0 * t, -0.3 * y", PARAMETERS | {"w": 10.0}, np.random.default_rng(0)

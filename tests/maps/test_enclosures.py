@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 import random
 from collections.abc import Callable
@@ -12,6 +11,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+from left_out import rewritten
 
 from cellmap import CellGrid, PointMap, discrete_map, interpolated_map, set_threads
 from cellmap._compiled.codegen import enclosures
@@ -143,11 +143,7 @@ LEFT_OUT = {
 def test_every_part_of_second_order_is_needed(what: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Points of boxes are outside without it: of a square, and of factors that are rounded where nothing bends."""
     if what is not None:
-        source, (part, other) = inspect.getsource(enclosures.discrete_text), LEFT_OUT[what]
-        assert source.count(part) == 1
-        names = dict(vars(enclosures))
-        exec("from __future__ import annotations\n" + source.replace(part, other), names)
-        monkeypatch.setattr(enclosures, "discrete_text", names["discrete_text"])
+        monkeypatch.setattr(enclosures, "discrete_text", rewritten(enclosures, "discrete_text", *LEFT_OUT[what]))
     worst, rng = mpmath.mpf(0), random.Random(0)
     centres = np.array([[1.0, 0.0], [0.3, 0.0], [2.0**-30, 0.0]])
     with mpmath.workdps(40):

@@ -44,8 +44,6 @@ def test_a_file_is_no_larger_than_stated(finished):
 MEASURE = """
 import resource
 from cellmap import CellGrid, discrete_map, find_basins
-
-pytestmark = pytest.mark.usefixtures("small_tiles")
 half = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {{}}, ("x", "y"), name="half")
 find_basins(half, CellGrid((-1, -1), (1, 1), (100, 100)), checkpoint={small!r})
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
