@@ -228,10 +228,15 @@ class Parameters(dict[str, float]):
         return Parameters, (dict(self),)
 
 
+def check_mapping(name: str, value: Any, of: str) -> None:
+    """Hold a value to a mapping, of what the remedy says."""
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name}={shown(value)}: give a mapping {of}")
+
+
 def parameter_values(params: Mapping[str, Any]) -> dict[str, float]:
     """Return parameters as floats, in the order given: an array K as its entries, by names such as "K[0, 1]"."""
-    if not isinstance(params, Mapping):
-        raise TypeError(f"params={shown(params)}: give a mapping of names to numbers, such as {{'delta': 0.15}}")
+    check_mapping("params", params, "of names to numbers, such as {'delta': 0.15}")
     for name in params:
         base = name.partition("[")[0] if isinstance(name, str) and _ENTRY.fullmatch(name) else name
         if not isinstance(base, str) or not base.isidentifier() or iskeyword(base) or base.startswith("_"):

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from .._lib.arrays import Floats, Ints
-from .._lib.checks import of_the_user, shown
+from .._lib.checks import check_mapping, of_the_user, shown
 from .._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Layout
 from .._lib.signatures import checked
 from ..attractors.matching import attractor_distance
@@ -151,10 +151,8 @@ def symmetric_groups(basins: Basins, symmetries: Mapping[str, Symmetry] | None =
     low, high = points.min(axis=0), points.max(axis=0)
     extent = np.where(high > low, high - low, 1.0)
     probes = np.random.default_rng(0).uniform(low, low + extent, (_PROBES, exact.dimension))
-    if symmetries is not None and not isinstance(symmetries, Mapping):
-        raise TypeError(
-            f"symmetries={shown(symmetries)}: give a mapping of names to functions, or None for the usual ones"
-        )
+    if symmetries is not None:
+        check_mapping("symmetries", symmetries, "of names to functions, or None for the usual ones")
     chosen = dict(_candidates(exact.coordinates)) if symmetries is None else dict(symmetries)
     holding: dict[str, Symmetry] = {}
     for name, symmetry in chosen.items():

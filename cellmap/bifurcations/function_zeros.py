@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from .._lib.arrays import Bools, Complexes, Floats, Ints
-from .._lib.checks import shown, warn_caller
+from .._lib.checks import check_mapping, warn_caller
 from ..maps.coordinates import shortest, wrap
 from ..orbits.arclength import ContinuationStep, SolutionPoint, corrected
 from ..orbits.multipliers import unstable_count
@@ -123,8 +123,7 @@ def zeros_on(
     Each piece begins at the end of the one before it; the end of a closed curve is its beginning.
     """
     found: list[tuple[int, float, FunctionZero]] = []
-    if not isinstance(functions, Mapping):
-        raise TypeError(f"functions={shown(functions)}: give a mapping of names to functions, such as {{'x': 0}}")
+    check_mapping("functions", functions, "of names to functions, such as {'x': 0}")
     for name, function in as_functions(functions).items():
         searches = [_Search(piece, names, function) for piece in pieces]
         searches = [replace(s, own=s.value(s.piece.unknowns)) for s in searches]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import is_color_like, to_rgb
 
-from .._lib.checks import shown
+from .._lib.checks import check_mapping, shown
 from ..attractors.labels import Label
 
 Colour = tuple[float, float, float]
@@ -45,8 +45,7 @@ def colour_of(number: int) -> Colour:
 def chosen_colours(colours: Mapping[Any, Any] | None) -> Mapping[Any, Any]:
     """Check colours that are given for some of what is drawn."""
     chosen = {} if colours is None else colours
-    if not isinstance(chosen, Mapping):
-        raise TypeError(f"colours={shown(colours)}: give a mapping to colours of matplotlib")
+    check_mapping("colours", chosen, "to colours of matplotlib")
     if not all(map(is_color_like, chosen.values())):
         raise ValueError(f"colours={shown(colours)}: give colours of matplotlib")
     return chosen

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..._lib.arrays import Floats, Ints
-from ..._lib.checks import shown, whole_number
+from ..._lib.checks import check_mapping, shown, whole_number
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Layout
 from ..._lib.signatures import checked
@@ -144,8 +144,7 @@ def node_stability(
     if not nodes:
         raise ValueError("nodes is empty: give the coordinates of at least one node")
     numbers, found = random_numbers(rng), []
-    if not isinstance(nodes, Mapping):
-        raise TypeError(f"nodes={shown(nodes)}: give a mapping of names of nodes to their coordinates")
+    check_mapping("nodes", nodes, "of names of nodes to their coordinates")
     for node, given in nodes.items():
         if not isinstance(given, Mapping) and not callable(given):
             raise TypeError(f"nodes[{node!r}]={shown(given)}: give ranges of coordinates by name, or a distribution")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._lib.arrays import Floats, Ints
-from ..._lib.checks import affordable_number, finite_number, pair_of, shown
+from ..._lib.checks import affordable_number, check_mapping, finite_number, pair_of, shown
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ...basins.classification import chosen_coordinates, scale_of
@@ -106,10 +106,7 @@ def random_box(attractor: Attractor, ranges: Mapping[str, Sequence[float]]) -> R
     array([[ 1.        ,  0.27392337],
            [ 1.        , -0.46042657]])
     """
-    if not isinstance(ranges, Mapping):
-        raise TypeError(
-            f"ranges={shown(ranges)}: give a mapping of coordinates to their bounds, such as {{'q': (-1, 1)}}"
-        )
+    check_mapping("ranges", ranges, "of coordinates to their bounds, such as {'q': (-1, 1)}")
     columns = chosen_coordinates("ranges", list(ranges), attractor.coordinates)
     bounds = {}
     for name, given in ranges.items():
