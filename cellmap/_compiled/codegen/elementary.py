@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..._lib.checks import warn_caller
 from .expression import Comparison, Expression, operation_on_numbers
 from .functions import TABLE
 from .tables import interpolated
@@ -73,12 +74,20 @@ def _nearest(value: Any, digits: int = 0) -> Any:
     return (whole + _where(part > 0.5, 1.0, _where(part < 0.5, 0.0, whole % 2.0))) / scale
 
 
+def _printed(*_: Any, **__: Any) -> None:
+    warn_caller(
+        "a print in a function that is compiled shows the few values that are tried while a system or map is made, and "
+        "nothing afterwards: trajectory(system, ...) has the values along an orbit, system.derivative(t, x) one"
+    )
+
+
 _COMPOSED: dict[str, Callable[..., Any]] = {
     "where": _where,
     "norm": _norm,
     "select": _select,
     "round": _nearest,
     "interp": interpolated,
+    "print": _printed,
     "fsum": sum,
     "pow": lambda base, exponent: base**exponent,
     "clip": lambda value, low, high: _KNOWN["fmin"](_KNOWN["fmax"](value, low), high),

@@ -85,6 +85,10 @@ class Expression:
             return self.operation if self.value is None else f"{self.operation}[{self.value}]"
         return f"{self.operation}({', '.join(map(repr, self.arguments))})"
 
+    def __format__(self, _: str) -> str:
+        """Return what stands in a text that a function prints: its value is not known, and its formula may be long."""
+        return self.operation
+
     @property
     def vanishes(self) -> bool:
         """Whether it is the constant zero."""

@@ -37,7 +37,7 @@ def _canonical_names() -> dict[Any, str]:
     names[max] = names[np.maximum] = names[np.fmax] = "fmax"
     names[np.power] = names[pow] = "pow"
     names[np.clip], names[np.where], names[float], names[int] = "clip", "where", "float", "int"
-    names[np.select], names[np.linalg.norm] = "select", "norm"
+    names[np.select], names[np.linalg.norm], names[print] = "select", "norm", "print"
     names[np.interp], names[np.polyval] = "interp", "polyval"
     names[round] = names[np.round] = names[np.rint] = "round"
     return names
@@ -89,6 +89,7 @@ def rebind(
         if id(f) in done:
             return done[id(f)]
         scope: dict[str, Any] = {"__builtins__": f.__globals__.get("__builtins__", builtins)}
+        scope["__warningregistry__"] = f.__globals__.setdefault("__warningregistry__", {})  # a line of f warns once
         cells = tuple(types.CellType() for _ in f.__closure__ or ())
         twin = types.FunctionType(f.__code__, scope, f.__name__, None, cells)
         done[id(f)] = twin  # before anything is looked up in f: it may call itself

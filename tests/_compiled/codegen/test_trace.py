@@ -122,6 +122,18 @@ def test_a_trace_computes_what_the_function_computes() -> None:
         assert evaluate(traced, t, x, p) == list(driven(t, tuple(x), record))
 
 
+def test_a_print_warns_where_it_stands_and_prints_nothing_of_symbols(capsys: pytest.CaptureFixture[str]) -> None:
+    def talkative(t: float, x: Any, p: Any) -> tuple[float]:
+        print(f"{x[0]:.3f}", t)
+        return (2.0 * x[0],)
+
+    with pytest.warns(UserWarning, match="a print in a function that is compiled") as told:
+        traced = trace(talkative, 1, ())
+    assert (told[0].filename, told[0].lineno) == (__file__, talkative.__code__.co_firstlineno + 1)
+    assert evaluate(traced, 0.0, [3.0], []) == [6.0]
+    assert capsys.readouterr().out == ""
+
+
 ELEMENTARY: list[tuple[Callable[[Any], Any], str]] = [
     (math.sin, "sin(x)"),
     (math.cos, "cos(x)"),
