@@ -22,7 +22,8 @@ from .family import Family, Member
 from .initial_conditions import InitialConditions
 from .refining import BasinFrame, refinement
 
-_PREVIEWED = 2  # strides that are drawn before anything is verified, all where a table's error is known
+_PREVIEWED = 2  # strides that are drawn before anything is verified, and, where a table's error is known, finer ones
+_SOON = 2**16  # with as many initial conditions, which take a hundredth of a second: more delay what is verified
 _NOTHING = 2**62  # stride of an image in which nothing is labelled
 
 
@@ -97,7 +98,7 @@ class LiveBasins:
     point_map : PointMap
         A map of the family: exact, interpolated or discrete.  An interpolated map is computed again on the same grid
         for other parameters.  While one parameter is changed again and again, its previews come from tables over this
-        parameter, and go down to every initial condition.
+        parameter, and go down to every initial condition of images of up to 65,536.
     initial_conditions : CellGrid or array_like, shape (..., dimension)
         Initial conditions of requests that name no others.
     max_periods, longest_period : int, optional
@@ -198,7 +199,7 @@ class LiveBasins:
             self._newest = stop
 
         def frames_of(place: Member) -> Iterator[LiveFrame]:
-            known, first = tuple(place.attractors), self._previewed(place) if place.draft else 1
+            known, first = tuple(place.attractors), self._previewed(place, places) if place.draft else 1
             for frame in refinement(
                 place.point_map, places, self._limits, known, self._stride, near, interval, stop, first
             ):
@@ -212,7 +213,7 @@ class LiveBasins:
                     for frame in frames_of(place):
                         finest = frame.stride
                         yield frame
-                        if finest <= max(1, self._stride >> (self._previewed(place) - 1)):
+                        if finest <= max(1, self._stride >> (self._previewed(place, places) - 1)):
                             break
                     place = self._family.verified(place, stop)
             except Stopped:
@@ -232,9 +233,11 @@ class LiveBasins:
             pass
         return frame
 
-    def _previewed(self, place: Member) -> int:
+    def _previewed(self, place: Member, places: InitialConditions) -> int:
         """Return how many strides of an image are drawn before anything is verified."""
-        return self._stride.bit_length() if place.combined else _PREVIEWED
+        strides = self._stride.bit_length()
+        soon = (k for k in range(strides) if len(places) <= _SOON << (k * len(places.shape)))
+        return max(_PREVIEWED, strides - next(soon, strides)) if place.combined else _PREVIEWED
 
     def _identified(self, frame: BasinFrame, place: Member) -> LiveFrame:
         """Return a frame with the identities of its attractors, and the news since the last complete frame."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
@@ -77,6 +78,7 @@ class _Strides:
         self._run = run
         self._pass: Progress | None = None
         self._left: list[int] = []  # tiles of each stride that are to do in the present sweep
+        self._ends = np.cumsum([len(group) for group in run.order]).tolist()
 
     def after(self, number: int) -> int:
         """Return the finest stride that is complete after a tile, twice the first one where none is."""
@@ -86,8 +88,7 @@ class _Strides:
             # Passes over what is left begin when every initial condition has been reached.
             self._left = [0 if now is None or now.tiles is None else len(group) for group in groups]
         if any(self._left):
-            ends = np.cumsum([len(group) for group in groups])
-            self._left[int(np.searchsorted(ends, number, "right"))] -= 1
+            self._left[bisect_right(self._ends, number)] -= 1
         finished = next((k for k, left in enumerate(self._left) if left), len(groups))
         return 2 ** (len(groups) - finished)
 
@@ -127,6 +128,8 @@ class _Frames:
         try:
             for number in run.tiles(self.known):
                 finer, late = done.after(number), time.perf_counter() - before > self.interval
+                if finer == 1 and not (run.store.labels == Label.UNDECIDED).any():
+                    continue  # the last frame follows at once
                 if (finer < stride or late) and not run.stop.requested:
                     stride = min(stride, finer)
                     yield self.frame(stride, time.perf_counter() - began)
@@ -143,7 +146,9 @@ class _Frames:
         run = self.run
         attractors = self.known if run.now is None else run.now.attractors
         order = sorted(range(len(attractors)), key=lambda k: sort_key(attractors[k]))
-        labels = new_numbers(order, np.arange(len(attractors)))[run.store.labels - min(Label)]
+        labels = run.store.labels.copy()
+        if order != sorted(order):
+            labels = new_numbers(order, np.arange(len(attractors)))[labels - min(Label)]
         basins = replace(
             run.described(self.settings, seconds),
             labels=labels.reshape(run.store.shape),

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from math import prod
 
 import numpy as np
 
 from .._lib.arrays import Ints
-from .._lib.computed import computed_once
 
 _IN_A_TILE = 4096  # places, about: few enough that one is soon done, enough that what surrounds it does not count
 
@@ -19,7 +17,7 @@ _IN_A_TILE = 4096  # places, about: few enough that one is soon done, enough tha
 class StridedTile:
     """Places on a grid of some stride in a block of an image, without those that are on the grid of twice the stride.
 
-    ``corners``: first place along each axis, and the one after the last; ``first``: whether no grid is coarser, so
+    ``corners``: first place along each axis, a multiple of twice the stride, and the one after the last; ``first``: whether no grid is coarser, so
     that all places belong to it.
 
     Examples
@@ -34,26 +32,30 @@ class StridedTile:
     first: bool
 
     @property
-    def _axes(self) -> list[Ints]:
-        return [np.arange(low, high, self.stride) for low, high in self.corners]
-
-    @property
     def rows(self) -> Ints:
         """Flat numbers of the places, in rising order."""
-        flat, coarser = np.zeros((), np.int64), np.ones((), bool)
-        for axis, n in zip(self._axes, self.shape, strict=True):
-            flat = flat[..., None] * n + axis
-            coarser = coarser[..., None] & (axis % (2 * self.stride) == 0)
-        return flat.ravel() if self.first else flat[~coarser]
+        first = 0
+        for (low, _), n in zip(self.corners, self.shape, strict=True):
+            first = first * n + low
+        return first + self._rows_of_corner
 
     def __len__(self) -> int:
-        return self._count
+        return len(self._rows_of_corner)
 
-    @computed_once
-    def _count(self) -> int:
-        axes = self._axes
-        every = prod(map(len, axes))
-        return every if self.first else every - prod(int((a % (2 * self.stride) == 0).sum()) for a in axes)
+    @property
+    def _rows_of_corner(self) -> Ints:
+        """The same in a block of this size that begins at the first place of the image."""
+        return _rows_of_corner(self.shape, tuple(high - low for low, high in self.corners), self.stride, self.first)
+
+
+@lru_cache(maxsize=64)
+def _rows_of_corner(shape: tuple[int, ...], sizes: tuple[int, ...], stride: int, first: bool) -> Ints:
+    flat, coarser = np.zeros((), np.int64), np.ones((), bool)
+    for size, n in zip(sizes, shape, strict=True):
+        axis = np.arange(0, size, stride)
+        flat = flat[..., None] * n + axis
+        coarser = coarser[..., None] & (axis % (2 * stride) == 0)
+    return flat.ravel() if first else flat[~coarser]
 
 
 @lru_cache(maxsize=8)

@@ -149,8 +149,8 @@ def _drawn_as(explored: Explored) -> str:
 
 
 def basin_image(view: View, frame: LiveFrame) -> tuple[dict[str, Any], bytes]:
-    """Return the description of a frame and its pixels; those of a preview are those of its coarse grid."""
-    raster = view.raster(frame.identity_samples if frame.preview else frame.identity_image)
+    """Return the description of a frame and its pixels; until it is complete, those of its coarse grid."""
+    raster = view.raster(frame.identity_image if frame.complete else frame.identity_samples)
     kind, data = pixels(raster)
     height, width = view.raster(frame.basins.labels).shape
     attractors = dict(sorted(frame.attractors.items()))

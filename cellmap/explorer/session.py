@@ -285,11 +285,15 @@ class Session:
             for k, view in enumerate(wanted.views):
                 if k < len(stills):
                     continue
+                shown = b""
                 for frame in wanted.images.frames(view, wanted.near, wanted.anchors):
                     if wanted.stop.requested:
                         return False
                     self._has_frame, complete = True, frame.complete
                     facts, data = basin_image(view, frame)
+                    if data == shown and not complete:
+                        continue  # the same pixels as those of the preview
+                    shown = data
                     if film is not None:
                         values = {name: view.params[name] for name in film.parameters}
                         facts["film"] = {"number": k + 1, "of": len(wanted.views), "values": values}
