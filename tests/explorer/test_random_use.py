@@ -90,7 +90,11 @@ class RandomPage:
     def connected(self) -> Any:
         origin = "http://" + self.address.split("/")[2]
         return connect(
-            self.address.replace("http", "ws") + "connection", origin=origin, compression=None, max_size=None
+            self.address.replace("http", "ws") + "connection",
+            origin=origin,
+            compression=None,
+            max_size=None,
+            open_timeout=60.0,  # on a machine that has much else to do
         )
 
     async def send(self, socket: ClientConnection, kind: str, **fields: Any) -> int:
