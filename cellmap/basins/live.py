@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._lib.checks import finite_number, parameter_values, whole_number
 from .._lib.signatures import checked
 from .._lib.stopping import Stop, Stopped
-from ..attractors.labels import LABEL_NAMES
+from ..attractors.labels import LABEL_NAMES, Label
 from ..attractors.search import affordable_period, region_extent
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
@@ -66,6 +66,12 @@ class LiveFrame(BasinFrame):
         """Identities on the coarse grid alone, on which every initial condition has its label."""
         labels = self.basins.labels
         return self._identities_of(labels[(slice(None, None, self.stride),) * labels.ndim])
+
+    @property
+    def settled(self) -> bool:
+        """Whether every initial condition has the label that it will have in the complete frame."""
+        waiting = (self.basins.labels == Label.UNDECIDED) | (self.basins.labels == Label.UNLABELLED)
+        return self.complete or (self.stride == 1 and not self.preview and not waiting.any())
 
     def _identities_of(self, labels: NDArray[np.int16]) -> NDArray[np.int16]:
         numbers = np.array([*sorted(LABEL_NAMES), *self.identities], np.int16)

@@ -128,8 +128,6 @@ class _Frames:
         try:
             for number in run.tiles(self.known):
                 finer, late = done.after(number), time.perf_counter() - before > self.interval
-                if finer == 1 and not (run.store.labels == Label.UNDECIDED).any():
-                    continue  # the last frame follows at once
                 if (finer < stride or late) and not run.stop.requested:
                     stride = min(stride, finer)
                     yield self.frame(stride, time.perf_counter() - began)

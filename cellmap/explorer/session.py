@@ -290,6 +290,8 @@ class Session:
                     if wanted.stop.requested:
                         return False
                     self._has_frame, complete = True, frame.complete
+                    if frame.settled and not complete:
+                        continue  # the complete one follows at once
                     facts, data = basin_image(view, frame)
                     if data == shown and not complete:
                         continue  # the same pixels as those of the preview

@@ -135,7 +135,7 @@ def test_a_preview_comes_before_anything_is_verified(monkeypatch: pytest.MonkeyP
         early = [next(frames), next(frames)]
     assert [(f.stride, f.preview) for f in early] == [(8, True), (4, True)]
     late = list(frames)
-    assert [(f.stride, f.preview) for f in late] == [(4, False), (2, False), (1, False)]
+    assert [(f.stride, f.preview) for f in late] == [(4, False), (2, False), (1, False), (1, False)]
     whole = find_basins(duffing(gamma=0.101), WINDOW)
     for frame in early:
         labels = frame.basins.labels[:: frame.stride, :: frame.stride]
