@@ -17,8 +17,8 @@ _IN_A_TILE = 4096  # places, about: few enough that one is soon done, enough tha
 class StridedTile:
     """Places on a grid of some stride in a block of an image, without those that are on the grid of twice the stride.
 
-    ``corners``: first place along each axis, a multiple of twice the stride, and the one after the last; ``first``: whether no grid is coarser, so
-    that all places belong to it.
+    ``corners``: first place along each axis, a multiple of twice the stride, and the one after the last; ``first``:
+    whether no grid is coarser, so that all places belong to it.
 
     Examples
     --------
