@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._compiled.codegen.kernel import why_untraced
 from .._compiled.codegen.linear import LinearKernel, linear_kernel, values
 from .._lib.arrays import Complexes, Floats, Ints
-from .._lib.checks import claim_memory, finite_number, real_array, shown
+from .._lib.checks import check_mapping, claim_memory, finite_number, real_array, shown
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from ..maps.coordinates import state_points
@@ -132,8 +132,7 @@ def floquet_multipliers(
     (2, 2)
     """
     given = {} if params is None else params
-    if not isinstance(given, Mapping):
-        raise TypeError(f"params={given!r}: give a mapping of names to arrays, such as {{'amplitude': [0.1, 0.2]}}")
+    check_mapping("params", given, "of names to arrays, such as {'amplitude': [0.1, 0.2]}")
     arrays = {name: swept_values(f"params[{name!r}]", array) for name, array in given.items()}
     try:
         shape = np.broadcast_shapes(*(a.shape for a in arrays.values()))

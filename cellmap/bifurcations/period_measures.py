@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from .._lib.arrays import Complexes, Floats
-from .._lib.checks import finite_number, one_of, shown
+from .._lib.checks import check_mapping, finite_number, one_of, shown
 from ..maps.poincare import Section
 from ..maps.point_map import PointMap
 from ..maps.stroboscopic import Stroboscopic
@@ -85,9 +85,9 @@ class OrbitFunction:
 
 def as_functions(given: Mapping[str, Quantity | OrbitFunction] | None) -> dict[str, OrbitFunction]:
     """Return functions of orbits by their names; a quantity stands for itself at the first point."""
-    if not isinstance(given, Mapping | None):
-        raise TypeError(f"functions={shown(given)}: give a mapping of names to functions of orbits, such as {{'x': 0}}")
-    return {name: f if isinstance(f, OrbitFunction) else OrbitFunction(f) for name, f in (given or {}).items()}
+    given = {} if given is None else given
+    check_mapping("functions", given, "of names to functions of orbits, such as {'x': 0}")
+    return {name: f if isinstance(f, OrbitFunction) else OrbitFunction(f) for name, f in given.items()}
 
 
 def measured(
