@@ -9,7 +9,8 @@ not grow with its size, and what does not repeat is compiled in functions of bou
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -21,6 +22,9 @@ from .trace import CONSTANT, STATEFUL, TIMED, Trace
 
 VALUES, SLOPES, ONCE, TIMES = "%values", "%slopes", "%once", "%times"
 """Arrays: vectors of lanes, derivatives of the states, numbers for all times, and those of one time."""
+
+Places = Sequence[str | int]
+Rows = Sequence[Sequence[int]]
 
 _ARRAYS = {STATEFUL: VALUES, CONSTANT: ONCE, TIMED: TIMES}
 _ARGUMENTS = ", ".join(f"ptr noalias {name}" for name in (VALUES, SLOPES, ONCE, TIMES))
@@ -92,10 +96,14 @@ class Pieces:
         return order
 
 
-def in_pieces(trace: Trace, kept: Set[Expression]) -> Pieces:
-    """Return a right-hand side in pieces; expressions that are `kept` have a place of their own."""
-    levels, outputs = trace.levels(), Counter(trace.outputs)
-    inner = [n for n in in_order(trace.outputs) if n.arguments and levels[n] == STATEFUL]
+def in_pieces(trace: Trace, results: Mapping[int, int], kept: Set[Expression]) -> Pieces:
+    """Return a right-hand side in pieces: of the components that have a result, by number, with its place.
+
+    Expressions that are `kept` have a place of their own.
+    """
+    levels, wanted = trace.levels(), {j: trace.outputs[j] for j in results}
+    outputs = Counter(wanted.values())
+    inner = [n for n in in_order(outputs) if n.arguments and levels[n] == STATEFUL]
     uses = outputs + Counter(a for n in inner for a in set(n.arguments))
     roots, size = dict[Expression, None](), dict[Expression, int]()
     for node in inner:
@@ -106,8 +114,8 @@ def in_pieces(trace: Trace, kept: Set[Expression]) -> Pieces:
     for root in roots:
         if not (outputs[root] and uses[root] == 1 and root not in kept):
             pieces.add(root, VALUES, pieces.place[root])
-    for j, output in enumerate(trace.outputs):
-        pieces.add(output, SLOPES, j, copied=output not in roots or uses[output] > 1 or output in kept)
+    for j, output in wanted.items():
+        pieces.add(output, SLOPES, results[j], copied=output not in roots or uses[output] > 1 or output in kept)
     return pieces
 
 
@@ -117,18 +125,19 @@ def is_long(operation: str) -> bool:
     return operation in {"pow", "floordiv"} or (known is not None and not isinstance(known.kernel, str))
 
 
-def written(pieces: Pieces, width: int) -> tuple[str, list[Instructions]]:
+def written(pieces: Pieces, width: int, stages: int) -> tuple[str, list[Instructions]]:
     """Return the text of a function `slopes` that computes all pieces, one depth after the other, and the bodies."""
-    parts, tables = [Instructions(width)], []
+    parts, tables = [Instructions(width)], list[str]()
     for name, piece in enumerate(sorted(pieces.found, key=lambda piece: piece.depth)):
-        strides = [width if array in {VALUES, SLOPES} else 1 for array in (*piece.leaves, piece.target)]
+        strides = [{VALUES: width, SLOPES: stages * width}.get(array, 1) for array in (*piece.leaves, piece.target)]
         rows = [[place * stride for place, stride in zip(row, strides, strict=True)] for row in pieces.found[piece]]
         cost = 1 + sum(_COST if is_long(operation) else 1 for operation, _ in piece.operations)
         if len(rows) == 1 or len(rows) * cost <= _UNROLLED:
             for row in rows:
                 _write(_current(parts), piece, row)
         else:
-            tables.append(_write_loop(_current(parts), piece, rows, f"row{name}"))
+            with loop_over_rows(_current(parts), f"row{name}", rows, tables) as places:
+                _write(parts[-1], piece, places)
     calls = Instructions(width)
     for k in range(len(parts)):
         calls.write(f"call void @part{k}({_ARGUMENTS.replace('noalias ', '')})")
@@ -148,25 +157,30 @@ def table(name: str, kind: str, values: list[int] | list[float]) -> str:
     return f"@{name} = internal constant [{len(values)} x {kind}] [{', '.join(f'{kind} {v!r}' for v in values)}]\n"
 
 
-def _write_loop(out: Instructions, piece: Piece, rows: list[list[int]], name: str) -> str:
-    """Write the loop over rows of places; return the table of those that do not follow from the number of the row."""
+@contextmanager
+def loop_over_rows(out: Instructions, name: str, rows: Rows, tables: list[str]) -> Iterator[Places]:
+    """Repeat what is written inside for rows of whole numbers, given those of a row.
+
+    Columns that do not follow from the number of the row are listed in a table, which is added to ``tables``.
+    """
     columns = list(zip(*rows, strict=True))
     regular = [all(b - a == c[1] - c[0] for a, b in pairwise(c)) for c in columns]
     listed = [c for c, is_regular in zip(columns, regular, strict=True) if not is_regular]
+    if listed:
+        tables.append(table(name, "i64", [place for row in zip(*listed, strict=True) for place in row]))
     with out.loop(name, len(rows)) as row:
         first, number, places = out.whole("mul", row, len(listed)), 0, list[str | int]()
         for column, is_regular in zip(columns, regular, strict=True):
             if is_regular:
-                step = column[1] - column[0]
+                step = column[1] - column[0] if len(column) > 1 else 0
                 places.append(out.whole("add", out.whole("mul", row, step), column[0]) if step else column[0])
             else:
                 places.append(out.load_whole(out.address(f"@{name}", out.whole("add", first, number))))
                 number += 1
-        _write(out, piece, places)
-    return table(name, "i64", [place for row in zip(*listed, strict=True) for place in row]) if listed else ""
+        yield places
 
 
-def _write(out: Instructions, piece: Piece, offsets: Sequence[str | int]) -> None:
+def _write(out: Instructions, piece: Piece, offsets: Places) -> None:
     """Write the operations of a piece on what is at some places of the arrays."""
     known: list[Value] = []
     for array, offset in zip(piece.leaves, offsets, strict=False):

@@ -2,20 +2,20 @@
 
 A small system is straight-line code, with everything in registers (:mod:`runge_kutta`).  Beyond some twenty states that
 code takes seconds to compile and gains nothing: registers do not hold the states.  Here a step is a call of the
-right-hand side (:mod:`alike`) for each stage, and loops over the states between them.  The function is that of
-:mod:`period`, and so are the steps and the estimate of their errors.
+right-hand side (:mod:`alike`) for each stage, and loops over the states between them, which wait for memory.  So a
+state whose derivative is another state, as an angle of a machine, is moved with it by the derivatives of that one.  The
+function is that of :mod:`period`, and so are the steps and the estimate of their errors.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
-from typing import Any
+from itertools import accumulate, zip_longest
 
 from ..kernels.blocks import LANES
 from ..machine_code import vector_width
-from .alike import ONCE, SLOPES, TIMES, VALUES, in_pieces, table, written
+from .alike import ONCE, SLOPES, TIMES, VALUES, Places, Rows, in_pieces, loop_over_rows, table, written
 from .emit import Known, evaluate, inputs
 from .expression import in_order
 from .instructions import Instructions, Value, module_text, number
@@ -23,6 +23,8 @@ from .period import ARGUMENTS, CHECKED, NO_LENGTH, CompiledPeriod, blocks_of_orb
 from .resolution import as_error, excess, layers
 from .runge_kutta import Tableau, after_slopes, apart, estimated, scaled
 from .trace import CONSTANT, STATEFUL, TIMED, Trace
+
+ALIGNMENT = 64  # bytes of a line of the cache: no vector lies across two
 
 _SEEN, _SUM = "seen", "sum"
 
@@ -41,7 +43,9 @@ def text_in_memory(trace: Trace, tableau: Tableau, width: int, vectors: int | No
     frame = _Frame(trace, tableau, Instructions(width), vectors or len(trace.states))
     out = frame.out
     out.declared |= {"declare ptr @malloc(i64)", "declare void @free(ptr)"}
-    out.write(f"%memory = call ptr @malloc(i64 {8 * frame.size})")
+    out.write(f"%room = call ptr @malloc(i64 {8 * frame.size + ALIGNMENT})")
+    missing = out.whole("and", out.whole("sub", 0, out.result("ptrtoint ptr %room to i64").text), ALIGNMENT - 1)
+    out.write(f"%memory = getelementptr i8, ptr %room, i64 {missing}")
     frame.write_once()
     with out.loop("block", blocks_of_orbits(out)) as block:
         used = lanes_in_use(out, block)
@@ -54,17 +58,48 @@ def text_in_memory(trace: Trace, tableau: Tableau, width: int, vectors: int | No
         with out.loop("step", steps) as number_of_step:
             elapsed = out.result(f"sitofp i64 {number_of_step} to double") * h
             frame.write_times(out.argument("%start") + elapsed, h)
-            coefficients, sharp = scaled(tableau, h), frame.sharpness_of_times()
+            weights, sharp = frame.coefficients(h), frame.sharpness_of_times()
             with out.loop("lane", used, width) as lane:
                 here = out.address(x, lane)
-                frame.write_stages(here, coefficients)
-                frame.write_end(here, out.address(error, lane), coefficients[-1], h)
+                frame.write_stages(here, weights)
+                frame.write_end(here, out.address(error, lane), weights, h)
                 frame.write_sharpness(out.address(error, lane), sharp)
             _leave_if_nothing_is_finite(frame, x, number_of_step, used)
-    out.write("call void @free(ptr %memory)")
-    functions, parts = written(frame.pieces, width)
-    moments = table("moments", "double", frame.moments)
-    return module_text(moments + functions + out.function("advance", ARGUMENTS), out, *parts)
+    out.write("call void @free(ptr %room)")
+    functions, parts = written(frame.pieces, width, frame.stages)
+    tables = "".join([table("moments", "double", frame.moments), *frame.tables])
+    return module_text(tables + functions + out.function("advance", ARGUMENTS), out, *parts)
+
+
+@dataclass(frozen=True, eq=False)
+class _Coefficients:
+    """Weights of derivatives at each stage and in the step: for components, and for integrals and their errors.
+
+    Integrals are moved by the component times ``leads`` besides.
+    """
+
+    plain: Sequence[Sequence[Value | None]]
+    integrals: Sequence[Sequence[Value | None]]
+    leads: Sequence[Value]
+    errors: Sequence[Sequence[Value | float]]
+
+    def used(self, k: int) -> list[bool]:
+        """Return of which stages the derivatives enter."""
+        return [a is not None or b is not None for a, b in zip_longest(self.plain[k], self.integrals[k])]
+
+
+def _places(trace: Trace, group: int) -> tuple[Rows, Rows]:
+    """Return components that are moved alone, and those that are moved with an integral, as rows of numbers.
+
+    A row is the number of the integral, if there is one, that of the component, and that of its derivatives.  An
+    integral is a state whose derivative is another state of the same group.
+    """
+    number = {state: j for j, state in enumerate(trace.states)}
+    slopes = [number.get(e) for e in trace.outputs]
+    integral = {j: i for i, j in enumerate(slopes) if j is not None and slopes[j] is None and i // group == j // group}
+    both = [(i, j) for j, i in sorted(integral.items())]
+    alone = sorted({*range(len(slopes))}.difference(*both))
+    return [(j, k) for k, j in enumerate(alone)], [(*row, len(alone) + k) for k, row in enumerate(both)]
 
 
 @dataclass(eq=False)
@@ -83,7 +118,10 @@ class _Frame:
     def __post_init__(self) -> None:
         self.levels, self.seen = self.trace.levels(), apart(self.tableau.nodes)
         self.layers = layers(self.trace.outputs, self.levels)
-        self.pieces = in_pieces(self.trace, {a for a, _ in self.layers})
+        self.integrals, self.tables = self.tableau.of_integrals(), list[str]()
+        self.places = _places(self.trace, self.group)
+        slots = {row[-2]: row[-1] for rows in self.places for row in rows}
+        self.pieces = in_pieces(self.trace, slots, {a for a, _ in self.layers})
         for argument, _ in self.layers:
             self.pieces.place_of(argument)
         self.once, self.times = self.pieces.shared[CONSTANT], self.pieces.shared[TIMED]
@@ -92,7 +130,7 @@ class _Frame:
         self.known: Known = {}
         nodes = in_order(self.trace.outputs)
         self.of_level = {level: [n for n in nodes if self.levels[n] == level] for level in (CONSTANT, TIMED)}
-        vectors = [len(self.pieces.place), self.stages * self.dimension, len(self.seen) * len(self.layers), 1]
+        vectors = [len(self.pieces.place), self.stages * len(slots), len(self.seen) * len(self.layers), 1]
         sizes = [*(n * self.out.width for n in vectors), len(self.once), len(self.moments) * len(self.times)]
         self.begins = dict(zip((VALUES, SLOPES, _SEEN, _SUM, ONCE, TIMES), [0, *accumulate(sizes)], strict=False))
         self.size = sum(sizes)
@@ -103,12 +141,10 @@ class _Frame:
         offset = begin + place if isinstance(place, int) else self.out.whole("add", place, begin)
         return self.out.address("%memory", offset)
 
-    def vector(self, array: str, number: int, inner: str | None = None) -> str:
-        """Return the address of a vector of one of the arrays, by its number and, within a loop, that of the loop."""
+    def vector(self, array: str, number: int, group: str | int = 0, size: int = 1) -> str:
+        """Return the address of a vector of one of the arrays: of a number within a group of some size."""
         width = self.out.width
-        if inner is None:
-            return self.at(array, number * width)
-        return self.at(array, self.out.whole("add", self.out.whole("mul", inner, width), number * width))
+        return self.at(array, self.out.whole("add", self.out.whole("mul", group, size * width), number * width))
 
     def write_once(self) -> None:
         """Write what depends on parameters alone."""
@@ -143,15 +179,23 @@ class _Frame:
                 found.append(excess([self.out.load(place) for place in places], scale))
         return found
 
-    def write_stages(self, x: str, coefficients: Sequence[Sequence[Value | None]]) -> None:
+    def coefficients(self, h: Value) -> _Coefficients:
+        """Write the coefficients of stages, and of the step, times its size."""
+        return _Coefficients(
+            scaled(self.tableau, h),
+            scaled(self.integrals, h * h),
+            [h * c for c in self.tableau.nodes] + [h],
+            [[h * e if e else 0.0 for e in row] for row in self.integrals.errors],
+        )
+
+    def write_stages(self, x: str, weights: _Coefficients) -> None:
         """Write the derivatives at all stages, for the lanes whose states are at an address."""
         out, count = self.out, len(self.layers)
         for k in range(self.stages):
-            with out.loop(f"state{k}", self.dimension) as j:
-                state = out.load(out.address(x, out.whole("mul", j, LANES)), vector=True)
-                moved = after_slopes(state, coefficients[k], self.slopes(coefficients[k], k, j))
-                out.store(moved, self.vector(VALUES, 0, j))
-            arrays = (self.at(VALUES), self.vector(SLOPES, k * self.dimension), self.at(ONCE))
+            for row in self.components(f"stage{k}"):
+                for j, moved in self.moved(x, k, row, weights, self.slopes(row, weights.used(k))):
+                    out.store(moved, self.vector(VALUES, 0, j))
+            arrays = (self.at(VALUES), self.vector(SLOPES, k), self.at(ONCE))
             times = self.at(TIMES, self.moment(k))
             out.write(f"call void @slopes({', '.join(f'ptr {array}' for array in (*arrays, times))})")
             for i, (argument, _) in enumerate(self.layers):
@@ -159,28 +203,60 @@ class _Frame:
                     value = out.load(self.vector(VALUES, self.pieces.place[argument]), vector=True)
                     out.store(value, self.vector(_SEEN, self.seen.index(k) * count + i))
 
-    def slopes(self, row: Sequence[Any], before: int, j: str) -> list[Value]:
-        """Load the derivatives of a state at the stages before one, of those that a row of coefficients wants."""
-        wanted = [k < len(row) and row[k] is not None for k in range(before)]
+    def components(self, name: str, first: int = 0, most: int | None = None) -> Iterator[Places]:
+        """Write loops over components from the first on: those that are moved alone, and those with an integral."""
+        end = self.dimension if most is None else first + most
+        for kind, rows in zip(("alone", "both"), self.places, strict=True):
+            of_group = [row for row in rows if first <= row[0] < end]
+            if of_group:
+                with loop_over_rows(self.out, f"{name}.{kind}", of_group, self.tables) as row:
+                    yield row
+
+    def slopes(self, row: Places, used: Sequence[bool]) -> list[Value]:
+        """Load the derivatives of a component at those stages that are used."""
         nothing = self.out.number(0.0)
         return [
-            self.out.load(self.vector(SLOPES, k * self.dimension, j), vector=True) if wanted[k] else nothing
-            for k in range(before)
+            self.out.load(self.vector(SLOPES, k, row[-1], self.stages), vector=True) if is_used else nothing
+            for k, is_used in enumerate(used)
         ]
 
-    def write_end(self, x: str, error: str, weights: Sequence[Value | None], h: Value) -> None:
+    def moved(
+        self, x: str, k: int, row: Places, weights: _Coefficients, slopes: list[Value]
+    ) -> Iterator[tuple[str | int, Value]]:
+        """Write a component at a stage, the last of which is the step, and its integral; yield their numbers too."""
+        out, (*integral, j, _) = self.out, row
+        state = out.load(out.address(x, out.whole("mul", j, LANES)), vector=True)
+        yield j, after_slopes(state, weights.plain[k], slopes)
+        for i in integral:
+            begin = out.load(out.address(x, out.whole("mul", i, LANES)), vector=True)
+            yield i, after_slopes(begin + weights.leads[k] * state if k else begin, weights.integrals[k], slopes)
+
+    def write_end(self, x: str, error: str, weights: _Coefficients, h: Value) -> None:
         """Write the states after a step, and add the estimates of their errors."""
-        out = self.out
-        with out.loop("state", self.dimension) as j:
-            state = out.address(x, out.whole("mul", j, LANES))
-            out.store(after_slopes(out.load(state, vector=True), weights, self.slopes(weights, self.stages, j)), state)
+        out, end = self.out, self.stages
+        used = weights.used(end)
+        seen = [any(column) for column in zip(*self.tableau.errors, *self.integrals.errors, strict=True)]
+
+        def add_errors(row: Places, slopes: list[Value], part: Value | None) -> None:
+            *integral, j, _ = row
+            found = [(j, estimated(self.tableau.errors, h, slopes))]
+            found += [(i, estimated(weights.errors, h, slopes)) for i in integral]
+            for place, size in found:
+                sums = out.address(error, out.whole("mul", place, LANES))
+                term = abs(size) if part is None else part * abs(size)
+                out.store(out.load(sums, vector=True) + term, sums)
+
         for first in range(0, self.dimension, self.group):
-            part = self.inverse_length(x, first) if first else None
-            with out.loop(f"error{first}", self.group) as member:
-                j = out.whole("add", member, first)
-                size = abs(estimated(self.tableau, h, self.slopes([h] * self.stages, self.stages, j)))
-                sums = out.address(error, out.whole("mul", j, LANES))
-                out.store(out.load(sums, vector=True) + (size if part is None else part * size), sums)
+            for row in self.components(f"end{first}", first, self.group):
+                slopes = self.slopes(row, [a or b for a, b in zip_longest(used, seen)])
+                for j, moved in list(self.moved(x, end, row, weights, slopes)):
+                    out.store(moved, out.address(x, out.whole("mul", j, LANES)))
+                if not first:
+                    add_errors(row, slopes, None)
+            if first:
+                part = self.inverse_length(x, first)
+                for row in self.components(f"error{first}", first, self.group):
+                    add_errors(row, self.slopes(row, seen), part)
 
     def inverse_length(self, x: str, first: int) -> Value:
         """Write one over the length of a tangent vector, whose components begin with number `first`."""

@@ -309,6 +309,15 @@ class Instructions:
         shifted = self._operation(f"shl {whole} {biased.text}, {constant(52)}", exponent.vector)
         return self._operation(f"bitcast {whole} {shifted.text} to {kind}", exponent.vector)
 
+    def negative_if_odd(self, a: Value, units: Value) -> Value:
+        """Return a number, with the other sign where the last bit of another one is set."""
+        kind, whole = self.type_of(a), f"<{self.width} x i64>" if a.vector else "i64"
+        shift = f"<{', '.join(['i64 63'] * self.width)}>" if a.vector else "63"
+        bits, last = (self._operation(f"bitcast {kind} {v.text} to {whole}", a.vector).text for v in (a, units))
+        sign = self._operation(f"shl {whole} {last}, {shift}", a.vector).text
+        changed = self._operation(f"xor {whole} {bits}, {sign}", a.vector).text
+        return self._operation(f"bitcast {whole} {changed} to {kind}", a.vector)
+
     def exponent_and_mantissa(self, a: Value) -> tuple[Value, Value]:
         """Return a whole number n and f in [1, 2) such that a positive normal number is 2^n f, by its bits."""
         kind, whole = self.type_of(a), f"<{self.width} x i64>" if a.vector else "i64"

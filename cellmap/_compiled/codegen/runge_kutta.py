@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import fsum
 
 from . import simd_math
 from .emit import Known, evaluate, inputs
@@ -33,6 +34,22 @@ class Tableau:
     stages: tuple[tuple[float, ...], ...]
     weights: tuple[float, ...]
     errors: tuple[tuple[float, ...], ...]
+
+    def of_integrals(self) -> Tableau:
+        """Return the weights of a state whose derivative is another state, for the derivatives of that one.
+
+        With x' = v and v' = f, stages of x are x + c h v + h^2 sum w f, as in methods of Nystrom (1925).  Terms that
+        cancel but for rounding vanish.
+        """
+        matrix = [(*row, *(len(self.nodes) - len(row)) * (0.0,)) for row in self.stages]
+
+        def integrated(row: Sequence[float]) -> tuple[float, ...]:
+            columns = [[a * b for a, b in zip(row, column, strict=False)] for column in zip(*matrix, strict=True)]
+            sums = [(fsum(terms), fsum(map(abs, terms))) for terms in columns]
+            return tuple(w if abs(w) > 1e-12 * size else 0.0 for w, size in sums)
+
+        stages, errors = (tuple(map(integrated, rows)) for rows in (self.stages, self.errors))
+        return replace(self, stages=stages, weights=integrated(self.weights), errors=errors)
 
 
 def traced_steps(trace: Trace, tableau: Tableau) -> Step:
@@ -126,7 +143,7 @@ def _step(
     for c, row in zip(tableau.nodes, coefficients, strict=False):
         found.append(slopes(c, [moved(j, row) for j in range(len(x))]))
     after = [moved(j, coefficients[-1]) for j in range(len(x))]
-    return after, [estimated(tableau, h, [k[j] for k in found]) for j in range(len(x))]
+    return after, [estimated(tableau.errors, h, [k[j] for k in found]) for j in range(len(x))]
 
 
 def after_slopes(x: Value, row: Sequence[Value | None], slopes: Values) -> Value:
@@ -135,9 +152,9 @@ def after_slopes(x: Value, row: Sequence[Value | None], slopes: Values) -> Value
     return x if change is None else x + change
 
 
-def estimated(tableau: Tableau, h: Value, slopes: Values) -> Value:
-    """Write the estimate of the error of a state, from its derivatives at all stages."""
-    sums = [dot((e, k) for e, k in zip(row, slopes, strict=False) if e) for row in tableau.errors]
+def estimated(errors: Sequence[Sequence[Value | float]], h: Value, slopes: Values) -> Value:
+    """Write the estimate of the error of a state, by rows of weights of its derivatives at all stages."""
+    sums = [dot((e, k) for e, k in zip(row, slopes, strict=False) if e) for row in errors]
     f, g = sums[0], sums[-1]
     assert f is not None and g is not None, "an estimate has terms"
     if len(sums) == 1:

@@ -22,6 +22,7 @@ PI_2 = 1.2154201012607932e-10
 PI_3 = 4.044532497591901e-21
 INVERSE_PI = 0.3183098861837907
 LARGEST_ANGLE = 3.0e6
+ROUNDING = 1.5 * 2.0**52  # the last bits of sums with it are units
 
 LN2_1 = 0.6931471804855391
 LN2_2 = 7.440617110012397e-11
@@ -57,6 +58,12 @@ def copysign(x: Value | float, y: Value) -> Value:
     return y.function.intrinsic("copysign", value_of(x), y)
 
 
+def _rounded(x: Value) -> tuple[Value, Value]:
+    """Return the nearest whole number of a small one, and the sum whose last bit says whether it is odd."""
+    shifted = x + ROUNDING
+    return shifted - ROUNDING, shifted
+
+
 def _sine_of_remainder(r: Value, half_periods: Value) -> Value:
     # In pairs and pairs of pairs (Estrin 1960): fewer multiply-adds wait for one another than in Horner's rule.
     z = r * r
@@ -67,24 +74,23 @@ def _sine_of_remainder(r: Value, half_periods: Value) -> Value:
         2.721486441670626e-15 * z - 7.643018364326954e-13
     )
     s = low + z4 * high
-    sine = r + r * z * s
-    return sine - 2.0 * sine * (half_periods - 2.0 * floor(0.5 * half_periods))
+    return r.function.negative_if_odd(r + r * z * s, half_periods)
 
 
 def sin(x: Value) -> Value:
     """Sine."""
-    n = floor(x * INVERSE_PI + 0.5)
+    n, shifted = _rounded(x * INVERSE_PI)
     r = ((x - n * PI_1) - n * PI_2) - n * PI_3
-    s = _sine_of_remainder(r, n)
+    s = _sine_of_remainder(r, shifted)
     return _seldom(abs(x) >= LARGEST_ANGLE, "sin", s, x)
 
 
 def cos(x: Value) -> Value:
     """Cosine."""
-    n = floor(x * INVERSE_PI)
+    n, shifted = _rounded(x * INVERSE_PI - 0.5)
     m = n + 0.5
     r = ((x - m * PI_1) - m * PI_2) - m * PI_3
-    s = -_sine_of_remainder(r, n)
+    s = -_sine_of_remainder(r, shifted)
     return _seldom(abs(x) >= LARGEST_ANGLE, "cos", s, x)
 
 

@@ -145,3 +145,12 @@ def test_traced_and_called_right_hand_sides_agree(traced: ForcedSystem, untraced
         for s in (traced, untraced)
     )
     assert a[0] == pytest.approx(b[0], rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("tableau", [rk45(), dop853()], ids=lambda tableau: tableau.name)
+def test_weights_of_integrals_are_those_of_methods_of_nystrom(tableau: Tableau) -> None:
+    """Sums of rows are c^2 / 2, and weights b (1 - c), as for all methods of Runge and Kutta of these orders."""
+    integrals, nodes = tableau.of_integrals(), np.array(tableau.nodes)
+    np.testing.assert_allclose([sum(row) for row in integrals.stages][2:], nodes[2:] ** 2 / 2, rtol=1e-12)
+    n = len(tableau.weights)
+    np.testing.assert_allclose(integrals.weights[:n], np.array(tableau.weights) * (1.0 - nodes[:n]), atol=1e-15)
