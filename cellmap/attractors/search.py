@@ -16,6 +16,7 @@ from .._lib.stopping import Stop
 from ..maps.coordinates import state_points, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
+from ..maps.small_states import warn_of_small_states_ahead
 from ..orbits.attractor import Attractor, Kind, Neighbourhood, sort_key
 from ..orbits.newton import stable_orbit
 from .boxes import inside_cover
@@ -88,6 +89,8 @@ def find_attractors(
 
     Warns
     -----
+    ToleranceWarning
+        If a coordinate falls below its `atol` and grows again on one of the first orbits.
     UnsettledWarning
         If none is found: with how orbits end, the cause as seen in a few of them, and a remedy.
 
@@ -106,6 +109,7 @@ def find_attractors(
     check_attractors(attractors, point_map, "attractors")
     max_periods = whole_number("max_periods", max_periods, at_least=1)
     longest_period = affordable_period(longest_period)
+    warn_of_small_states_ahead(point_map, states)
     quotient = quotient_of(point_map, states)
     if quotient is None:
         found, reasons, labels = _found_by_all(point_map, states, attractors, max_periods, longest_period)

@@ -20,9 +20,10 @@ from .._lib.tiles import check_client
 from ..attractors.search import affordable_period, check_attractors
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
+from ..maps.small_states import ORBITS, warn_of_small_states_ahead
 from ..orbits.attractor import Attractor
 from .doubts import warn_of_doubts
-from .initial_conditions import InitialConditions
+from .initial_conditions import InitialConditions, spread
 from .record import Basins
 from .run import Run, label_store, new_numbers
 
@@ -122,7 +123,8 @@ def find_basins(
     Warns
     -----
     ToleranceWarning
-        If the integrator missed its tolerance along some orbits.
+        If the integrator missed its tolerance along some orbits, or a coordinate falls below its `atol` and grows again
+        on one of the first orbits.
     UnsettledWarning
         If more than 5 % of the initial conditions are undecided, escaped or out of steps, or diverge with an explicit
         method but not with the one for stiff systems: with the cause, as seen in a few orbits, and a remedy.  Also if
@@ -152,6 +154,7 @@ def find_basins(
         store = label_store(point_map, places, settings, attractors, path)
         if (finished := store.finished()) is not None:
             return replace(finished, point_map=point_map)
+        warn_of_small_states_ahead(point_map, places.points(spread(len(places), ORBITS)))
         run = Run(point_map, places, store, max_periods, longest_period, client, progress, Stop(limit))
         for _ in run.tiles(attractors):
             pass

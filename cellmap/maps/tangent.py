@@ -95,7 +95,8 @@ def tangent(
         wrapped = wrap(place[rows], exact.coordinates)
         images, matrices = _one_step(exact, wrapped, derivative)
         place[rows] += images - wrapped
-        total[rows] = matrices[..., :k, :k] @ total[rows]
+        with np.errstate(over="ignore", invalid="ignore"):  # derivatives beyond 1e308 are known to be infinite, or NaN
+            total[rows] = matrices[..., :k, :k] @ total[rows]
     return place.reshape(points.shape), total.reshape(*points.shape[:-1], k, k)
 
 

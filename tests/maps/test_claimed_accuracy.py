@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import erf, ive
 
-from cellmap import ForcedSystem, Status, stroboscopic_map
+from cellmap import ForcedSystem, Status, find_attractors, stroboscopic_map
 from cellmap.maps import ToleranceWarning
 from cellmap.maps.point_map import follow
+from cellmap.maps.small_states import warn_of_small_states_ahead
 
 WIDTHS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
 METHODS = ("auto", "DOP853")
@@ -232,6 +233,24 @@ def test_a_coordinate_below_its_tolerance_is_reported() -> None:
             strobe = stroboscopic_map(system, rtol=1e-11, atol=atol, method=method)
             assert strobe.iterate(start, 6).points == pytest.approx(exact, rel=1e-3)
             assert strobe.recipe["atol"] == (1e-9 if isinstance(atol, dict) else 1e-12, 1e-22)
+
+
+def test_a_coordinate_that_will_fall_below_its_tolerance_is_told_at_once() -> None:
+    """Before orbits are followed for long; left to the relative tolerance, it has its digits, and its logarithm too."""
+    system, start = ForcedSystem(epidemic, {}, 1.0, ("S", "I")), (0.06, 1e-3)
+    with pytest.warns(ToleranceWarning, match=r"I of epidemic falls to \S+ and grows again, .* atol=\{'I': 1e-290\}"):
+        find_attractors(stroboscopic_map(system), [start], 4)
+    relative = stroboscopic_map(system, rtol=1e-11, atol={"I": 1e-290})
+    warn_of_small_states_ahead(relative, np.array([start]))
+
+    def in_logarithms(t: float, x: Any, p: Any) -> tuple[float, float]:
+        ds, di = epidemic(t, (x[0], exp(x[1])), p)
+        return ds, di / exp(x[1])
+
+    exact = stroboscopic_map(ForcedSystem(in_logarithms, {}, 1.0, ("S", "L")), rtol=1e-11, atol=1e-11)
+    (susceptible, logarithm), found = exact.iterate((0.3, -2.0), 6).points, relative.iterate((0.3, exp(-2.0)), 6).points
+    assert (found[0], np.log(found[1])) == pytest.approx((susceptible, logarithm), rel=1e-6)
+    assert exact.orbit((0.3, -2.0), 6).points[:, 1].min() < -90.0
 
 
 def test_oscillations_that_die_out_are_not_reported() -> None:

@@ -279,9 +279,12 @@ LARGE, SMALL = 1, 2
 
 @loop
 def notice(motion, points, status, small):
-    """Notice components that come clear of their floor again after they were below it."""
+    """Notice components that come clear of their floor again after they were below it, or diverge from there."""
     for k in range(status.size):
         if status[k] >= ESCAPED:
+            for j in range(points.shape[1]):
+                if status[k] == DIVERGED and small[k, j] == SMALL:
+                    motion.lost[j] = 1
             continue
         for j in range(points.shape[1]):
             size, seen = abs(points[k, j]), small[k, j]
