@@ -29,8 +29,8 @@ print(pendulum)
 
 motion = trajectory(pendulum, [[0.9 * pi, 0.0], [0.5 * pi, 0.0]], periods=60, samples_per_period=40)
 plt.figure(figsize=(6.4, 3), layout="constrained")
-plt.plot(motion.times, motion.states[:, :, 0] / pi, label=["from 0.9 pi", "from 0.5 pi"])
-plt.gca().set(xlabel="t (s)", ylabel="theta / pi", title="Two releases from rest")
+plt.plot(motion.times, motion.states[:, :, 0] / pi, label=[r"from $0.9\,\pi$", r"from $0.5\,\pi$"])
+plt.gca().set(xlabel="t (s)", ylabel=r"$\theta/\pi$", title="Two releases from rest")
 plt.legend()
 # sphinx_gallery_alt = "Angle against time: one orbit settles upside down, the other hangs down"
 
@@ -58,6 +58,7 @@ for amplitude in (0.002, 0.003):
 frequency = ("frequency", np.linspace(20, 80, 61))
 amplitude = ("amplitude", np.linspace(0.5e-3, 14e-3, 61))
 ax = plot.stability_map(stability_map(pendulum, [pi, 0.0], frequency, amplitude))
+ax.set(xlabel="frequency (Hz)", ylabel="amplitude (m)")
 f = np.linspace(20, 80, 100)
 ax.plot(f, np.sqrt(2 * 9.8 * 0.0272) / (2 * pi * f), "k:")
 ax.annotate("Kapitza's law", (50, 0.0025), (55, 0.005), arrowprops={"arrowstyle": "-"})
@@ -90,6 +91,7 @@ for ax, millimetres in zip(axes, (2, 3, 4, 10), strict=True):
     basins = find_basins(interpolated_map(exact, nodes), window)
     plot.basins(basins, ax=ax, legend=False)
     ax.set_title(f"{millimetres} mm")
+    ax.label_outer()
     inverted = [k for k, a in enumerate(basins.attractors) if a.period == 1 and abs(a.points[0, 0]) > 3]
     cells = sum(int((basins.labels == k).sum()) for k in inverted)
     print(f"{millimetres} mm: {len(basins.attractors)} attractors, {cells} of 40,000 cells lead to the inverted state")

@@ -62,8 +62,8 @@ disturbed = np.tile(synchrony[0].points[0], (2, 1))
 disturbed[:, 7] = -7.0, -14.0
 motion = trajectory(grid, disturbed, periods=40, samples_per_period=32)
 plt.figure(figsize=(6.4, 3), layout="constrained")
-plt.plot(motion.times, motion.states[:, :, 7], label=["omega = -7", "omega = -14"])
-plt.gca().set(xlabel="time", ylabel="omega of machine 4", title="After a blow to machine 4")
+plt.plot(motion.times, motion.states[:, :, 7], label=[r"$\omega_4(0) = -7$", r"$\omega_4(0) = -14$"])
+plt.gca().set(xlabel="$t$", ylabel=r"$\omega_4$", title="After a blow to machine 4")
 plt.legend()
 # sphinx_gallery_alt = "Frequency of a machine against time: one oscillation decays to zero, the other stays near minus ten"
 
