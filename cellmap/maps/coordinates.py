@@ -56,6 +56,8 @@ class Coordinate:
         turn = real_number("period", self.period)
         if not 0.0 < turn < inf:
             raise ValueError(f"period={self.period!r}: the period of an angle is a positive number, such as 2*pi")
+        if self.unit.lower().rstrip("s") in {"deg", "degree", "°"} and turn == 2 * pi:
+            raise ValueError(f"unit={self.unit!r}: an angle in degrees has period=360, and 2 pi in 'rad'")
         lower = -0.5 * turn if self.lower is None else real_number("lower", self.lower)
         if not isfinite(lower):
             raise ValueError(f"lower={self.lower!r}: the branch cut of an angle is a finite number")

@@ -163,8 +163,8 @@ class CellGrid(ShownAsHtml):
         if len(coordinates) != self.dimension:
             names = ", ".join(c.name for c in coordinates)
             raise ValueError(
-                f"{name} has {self.dimension} axes and the system {len(coordinates)} coordinates: {names}; {name}="
-                f"{shown(self)}: give one entry of lower, upper and shape for each; one cell for a slice"
+                f"{name} has {self.dimension} {'axis' if self.dimension == 1 else 'axes'} and the system "
+                f"{len(coordinates)} coordinates: {names}; {name}={shown(self)}: give one entry of lower, upper and shape for each; one cell for a slice"
             )
         wraps = []
         for a, b, c in zip(self.lower, self.upper, coordinates, strict=True):

@@ -106,6 +106,11 @@ def lacking(functions: str, error: AttributeError) -> ValueError:
         return ValueError(
             f"{functions} asks for a parameter that params lacks: p.{error.name}; there are {', '.join(names)}"
         )
+    if isinstance(error.obj, tuple):
+        return ValueError(
+            f"{functions} reads a parameter {error.name} of the state, which is a tuple: the state is the argument "
+            "before the parameters, f(x, p) of a map and rhs(t, x, p) of a flow"
+        )
     return ValueError(f"{functions} asks for a parameter that params lacks ({error})")
 
 

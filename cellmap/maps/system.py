@@ -29,7 +29,7 @@ from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates
 from .impacts import Impact, joined
-from .misread import called_twice, misread
+from .misread import called_twice, lacking, misread
 
 RightHandSide = Callable[..., Sequence[float]]
 """``rhs(t, x, p)``, or ``rhs(t, x, p, s)`` with the signs of switching functions."""
@@ -158,8 +158,12 @@ class ForcedSystem:
             return self.period
         try:
             return self.period(self.parameters)
-        except (AttributeError, ArithmeticError, TypeError) as error:
-            raise ValueError(f"period={self.period!r} fails for the parameters {self.parameters}: {error}") from error
+        except AttributeError as error:
+            raise lacking("period", error) from error
+        except (ArithmeticError, TypeError) as error:
+            raise ValueError(
+                f"period={shown(self.period)} fails for the parameters {self.parameters}: {error}"
+            ) from error
 
     @computed_once
     def shortest_period(self) -> float:

@@ -154,6 +154,7 @@ def test_each_variable_needs_its_own_name(given_names: Any) -> None:
         ({"name": "x", "period": 0.0}, "period=0.0: the period of an angle is a positive number"),
         ({"name": "x", "period": -1.0}, "period=-1.0: the period of an angle is a positive number"),
         ({"name": "x", "period": inf}, "period=inf: the period of an angle is a positive number"),
+        ({"name": "x", "unit": "deg", "period": 2 * pi}, "unit='deg': an angle in degrees has period=360"),
         ({"name": "x", "period": nan}, "period=nan: the period of an angle is a positive number"),
         ({"name": "x", "period": 1.0, "lower": nan}, "lower=nan: the branch cut of an angle is a finite number"),
     ],

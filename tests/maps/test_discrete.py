@@ -141,6 +141,11 @@ def test_the_bounded_fraction_of_henons_map(henon_map: PointMap) -> None:
         ({"function": lambda x, p: 1.0}, TypeError, "function returns 1.0: return a tuple"),
         ({"function": lambda x, p: (x[0],)}, ValueError, "function returns 1 components for 2 coordinates"),
         ({"function": lambda x, p: (x[0], p.c)}, ValueError, "function asks for a parameter that params lacks"),
+        (
+            {"function": lambda p, x: (p.a, x[0])},
+            ValueError,
+            "reads a parameter a of the state, .* before the parameters",
+        ),
         ({"params": {"a": nan, "b": 0.3}}, ValueError, r"params\['a'\]=nan: give a finite number"),
         ({"params": (1.4, 0.3)}, TypeError, "params=.*: give a mapping"),
         ({"coordinates": ()}, ValueError, "one different name for each state variable"),

@@ -144,6 +144,7 @@ def test_a_right_hand_side_that_is_not_defined_everywhere() -> None:
         ({"period": None}, TypeError, "period=None: give one real number"),
         ({"period": "pi"}, TypeError, "period='pi': give one real number"),
         ({"period": "3.14"}, TypeError, "period='3.14': give one real number"),
+        ({"period": lambda p: p.absent}, ValueError, "period asks for a parameter that params lacks: p.absent"),
         ({"period": lambda p: nan}, ValueError, "period=nan: give a finite number"),
         ({"params": {**PARAMS, "delta": nan}}, ValueError, r"params\['delta'\]=nan: give a finite number"),
         ({"params": {**PARAMS, "delta": inf}}, ValueError, r"params\['delta'\]=inf: give a finite number"),
