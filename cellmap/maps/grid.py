@@ -164,7 +164,8 @@ class CellGrid(ShownAsHtml):
             names = ", ".join(c.name for c in coordinates)
             raise ValueError(
                 f"{name} has {self.dimension} {'axis' if self.dimension == 1 else 'axes'} and the system "
-                f"{len(coordinates)} coordinates: {names}; {name}={shown(self)}: give one entry of lower, upper and shape for each; one cell for a slice"
+                f"{len(coordinates)} coordinates: {names}; {name}={shown(self)}: "
+                "give one entry of lower, upper and shape for each; one cell for a slice"
             )
         wraps = []
         for a, b, c in zip(self.lower, self.upper, coordinates, strict=True):

@@ -159,7 +159,7 @@ def test_axes_wrap_where_they_cover_one_period() -> None:
     assert CellGrid((-1.0, -pi), (1.0, pi), (4, 4)).on(coordinates).wraps == (False, False)
     with pytest.raises(ValueError, match="more than one period"):
         CellGrid((-pi, -1.0), (2 * pi, 1.0), (4, 4)).on(coordinates)
-    with pytest.raises(ValueError, match="grid has 1 axes and the system 2 coordinates"):
+    with pytest.raises(ValueError, match="grid has 1 axis and the system 2 coordinates"):
         CellGrid((0.0,), (1.0,), (4,)).on(coordinates)
 
 
