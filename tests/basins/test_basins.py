@@ -269,7 +269,7 @@ STROBE = stroboscopic_map(systems.driven_pendulum())
     [
         ((None, [[0.0, 0.0]]), TypeError, "point_map=None: give a PointMap"),
         ((systems.driven_pendulum(), [[0.0, 0.0]]), TypeError, "give a PointMap"),
-        ((STROBE, CellGrid((0.0,), (1.0,), (4,))), ValueError, "initial_conditions has 1 axes and the system 2"),
+        ((STROBE, CellGrid((0.0,), (1.0,), (4,))), ValueError, "initial_conditions has 1 axis and the system 2"),
         ((STROBE, CellGrid((0.0, 0.0), (7.0, 1.0), (4, 4))), ValueError, "more than one period"),
         ((STROBE, [[0.0]]), ValueError, "last axis must hold the 2 state variables"),
         ((STROBE, [0.0, 0.0, 0.0]), ValueError, "last axis"),

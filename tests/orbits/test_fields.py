@@ -171,7 +171,7 @@ def test_memory_is_claimed_beforehand(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         ({"point_map": "map"}, TypeError, "give a PointMap"),
         ({"grid": [[0.0, 0.0]]}, TypeError, "give a CellGrid"),
-        ({"grid": CellGrid((0.0,), (1.0,), (3,))}, ValueError, "grid has 1 axes"),
+        ({"grid": CellGrid((0.0,), (1.0,), (3,))}, ValueError, "grid has 1 axis"),
         ({"periods": 0}, ValueError, "periods=0: give a whole number of at least 1"),
     ],
 )

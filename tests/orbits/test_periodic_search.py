@@ -165,7 +165,7 @@ def test_where_derivatives_are_not_known() -> None:
         (lambda m: periodic_orbit(m, [0.0, 0.0], period=0), ValueError, "period=0"),
         (lambda m: find_periodic_orbits("map", WINDOW), TypeError, "point_map='map'"),
         (lambda m: find_periodic_orbits(m, [0.0, 1.0]), TypeError, "region="),
-        (lambda m: find_periodic_orbits(m, CellGrid((0,), (1,), (3,))), ValueError, "1 axes"),
+        (lambda m: find_periodic_orbits(m, CellGrid((0,), (1,), (3,))), ValueError, "1 axis"),
         (lambda m: find_periodic_orbits(m, WINDOW, longest_period=1.5), TypeError, "longest_period=1.5"),
     ],
 )
