@@ -30,7 +30,7 @@ ONE_AND_A_HALF_PERIODS = CellGrid((-pi, -100.0), (2 * pi, 100.0), (16, 16))
         ((GRID, 5, "escape", np.nan), ValueError, "tolerance=nan: give a finite number"),
         ((GRID, 5, "escape", np.inf), ValueError, "tolerance=inf"),
         ((GRID, 5, "escape", "small"), TypeError, "tolerance='small'"),
-        ((CellGrid((0.0,), (1.0,), (8,)),), ValueError, "grid has 1 axes and the system 2 coordinates"),
+        ((CellGrid((0.0,), (1.0,), (8,)),), ValueError, "grid has 1 axis and the system 2 coordinates"),
         ((CellGrid((0.0,) * 3, (1.0,) * 3, (8,) * 3),), ValueError, "grid has 3 axes and the system 2 coordinates"),
         ((ONE_AND_A_HALF_PERIODS,), ValueError, "more than one period"),
         (((16, 16),), TypeError, "give a CellGrid"),

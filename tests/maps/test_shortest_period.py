@@ -64,7 +64,7 @@ def test_three_cycles_that_are_wanted_bring_no_warning(recwarn) -> None:
 
 def test_grids_and_coordinates_of_another_kind_say_what_to_give() -> None:
     exact = stroboscopic_map(forced(lambda t: cos(t), 2 * pi))
-    with pytest.raises(ValueError, match=r"has 1 axes and .*: x, v; initial_conditions=CellGrid.*: give one entry"):
+    with pytest.raises(ValueError, match=r"has 1 axis and .*: x, v; initial_conditions=CellGrid.*: give one entry"):
         find_basins(exact, CellGrid((-2,), (2,), (40,)))
     with pytest.raises(TypeError, match=r"coordinates=2: give the names of the state variables"):
         as_coordinates(2)  # type: ignore[arg-type]

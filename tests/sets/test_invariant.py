@@ -179,7 +179,7 @@ def test_what_is_wrong_is_named():
         relative_attractor(SADDLE, WINDOW, (1, 2, 3))
     with pytest.raises(ValueError, match="depth=-1"):
         chain_recurrent_set(SADDLE, WINDOW, -1)
-    with pytest.raises(ValueError, match="1 axes and the system 2"):
+    with pytest.raises(ValueError, match="1 axis and the system 2"):
         maximal_invariant_set(SADDLE, CellGrid((0,), (1,), (1,)), 2)
     with pytest.raises(ValueError, match=r"points=\[5.0, 0.0\].*in the region"):
         unstable_set(SADDLE, [5.0, 0.0], WINDOW)

@@ -290,7 +290,7 @@ def test_what_it_refuses() -> None:
         saddle_manifold(henon, saddle, "stable", SQUARE, length=0.0)
     with pytest.raises(ValueError, match="spacing"):
         saddle_manifold(henon, saddle, "stable", SQUARE, spacing=2.0)
-    with pytest.raises(ValueError, match="1 axes"):
+    with pytest.raises(ValueError, match="1 axis"):
         saddle_manifold(henon, saddle, "stable", CellGrid((0,), (1,), (1,)))
     cubic = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
     with pytest.raises(ValueError, match="1 coordinates"):
