@@ -100,7 +100,9 @@ def exponent_test(
     confidence: float = 0.999,
     progress: bool = False,
 ) -> ChaosTest:
-    """Distinguish chaotic from regular orbits by the largest Lyapunov exponent over the second half of each orbit.
+    r"""Distinguish chaotic from regular orbits by the largest Lyapunov exponent over the second half of each orbit.
+
+    It is :math:`\lambda = \frac{2}{n} \ln (|v_n| / |v_{n/2}|)` for a displacement :math:`v_k` after k of n periods.
 
     Near a regular orbit displacements grow linearly in time by shear, so that a finite orbit has a positive exponent
     without chaos.  Over the second half of an orbit a growth like t^p multiplies displacements by 2^p, however long the

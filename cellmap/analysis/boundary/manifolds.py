@@ -212,7 +212,10 @@ def boundary_distance(
     labels: tuple[int, int] | None = None,
     max_distance: float = 1.0,
 ) -> BoundaryDistance:
-    """Compute the distances of a basin boundary from manifolds.
+    r"""Compute the distances of a basin boundary from manifolds.
+
+    The distance of a point x of the boundary is :math:`\min_{y \in C} |x - y|` over all points y of the curves C, with
+    the width and the height of a cell as units.
 
     Parameters
     ----------

@@ -249,7 +249,10 @@ def _clustered_error(places: Ints, values: Floats, shape: tuple[int, ...], radiu
 
 @checked
 def smooth_boundary_entropy(dimension: int, cells: ArrayLike | None = None) -> float:
-    """Compute the mean entropy of balls cut by a plane at uniformly distributed distances from the centre.
+    r"""Compute the mean entropy of balls cut by a plane at uniformly distributed distances from the centre.
+
+    Of the unit ball a plane at the distance x cuts off the fraction p(x), and the mean entropy is
+    :math:`-\int_0^1 [p \ln p + (1 - p) \ln(1 - p)]\, dx`.
 
     Parameters
     ----------

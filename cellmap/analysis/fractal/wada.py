@@ -89,11 +89,12 @@ def wada_merging(
     include: Sequence[int] = (),
     wraps: Sequence[bool] | None = None,
 ) -> MergingTest:
-    """Test basins for the Wada property by merging them.
+    r"""Test basins for the Wada property by merging them.
 
     For each basin all others are merged, and the cells next to the boundary between the two are collected.  For Wada
     basins the boundary is the same whichever basin is left out; in an image, it is the same up to the distance between
-    cells on it.
+    cells on it.  Measured is how far points of the boundary :math:`B_i` are from another one, :math:`d_{ij}(x) =
+    \min_{y \in B_j} |x - y|` for x in :math:`B_i`.
 
     Parameters
     ----------
