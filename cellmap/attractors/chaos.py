@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -97,7 +97,7 @@ def examine(
             reasons[rows] = Reason.RESONANT
         return Examination((), tuple(map(Reason, reasons)))
     if chaotic.all() and age >= MATURE and point_map.is_flow and point_map.dimension <= SAMPLED:
-        trapped = _trapped(point_map, chosen, reach, known, late)
+        trapped = trapped_attractor(point_map, chosen, reach, known, late)
         if trapped is not None:
             return Examination((trapped,), ())
     rows = np.flatnonzero(chaotic | (reasons == Reason.REGULAR))
@@ -121,10 +121,19 @@ def examine(
     return Examination(tuple(found), tuple(Reason(r) for r in reasons if r is not None))
 
 
-def _trapped(
-    point_map: PointMap, states: Floats, extent: Floats, known: Sequence[Attractor], late: Late | None
+def trapped_attractor(
+    point_map: PointMap,
+    states: Floats,
+    extent: Floats,
+    known: Sequence[Attractor],
+    late: Late | None,
+    ends: Callable[[Attractor], tuple[Floats, PointMap] | None] | None = None,
 ) -> Attractor | None:
-    """Return the chaotic attractor of all orbits, if it is one, and in a neighbourhood that no orbit leaves."""
+    """Return the chaotic attractor of all orbits, if it is one, and in a neighbourhood that no orbit leaves.
+
+    Its exponents are those of orbits that have come to it: of these, or of those whose `ends` (n, d) are given with a
+    surrogate of the map; None where they are not on the attractor.
+    """
     orbits = Orbits.starting(states.copy())
     history = path_of(point_map, orbits, _SAMPLE_PERIODS)
     if not orbits.alive.all():
@@ -133,10 +142,13 @@ def _trapped(
     found, reasons = _distinguished(point_map, history, np.zeros(states.shape), *paths, extent, known, late)
     if len(found) != 1 or any(reason is not None for reason in reasons):
         return None
-    (attractor,) = with_trapped_boxes(point_map, found, known)
+    there = (orbits.points, point_map) if ends is None else ends(found[0])
+    if there is None:
+        return None
+    (attractor,) = with_trapped_boxes(point_map, found, known, there[1])
     if not is_trapped(attractor):
         return None
-    exponents, doubts = tested(point_map, orbits.points, extent, _SAMPLE_PERIODS)
+    exponents, doubts = tested(point_map, there[0][evenly(len(there[0]))], extent, _SAMPLE_PERIODS)
     if (doubts != Reason.TRANSIENT).any():
         return None
     return replace(attractor, exponents=-np.sort(-exponents, axis=-1).mean(axis=0))
@@ -223,7 +235,7 @@ def tested(
     those of one that creeps to rest.  If nothing but `unanimous` chaos counts, none are where there is such an orbit:
     the others are ENDING.
     """
-    back, creeps = _returns(point_map, points, extent), creeping(point_map, points, extent).found
+    back, creeps = returns(point_map, points, extent), creeping(point_map, points, extent).found
     exponents = np.full((len(points), min(points.shape[1], SAMPLED)), np.nan)
     errors, rates = np.full(len(points), np.nan), np.full(len(points), np.nan)
     moving = ~back & ~creeps
@@ -244,7 +256,7 @@ def tested(
     return exponents, reasons
 
 
-def _returns(point_map: PointMap, states: Floats, extent: Floats) -> Bools:
+def returns(point_map: PointMap, states: Floats, extent: Floats) -> Bools:
     """Tell which orbits come back to within rounding of where they were."""
     path = path_of(point_map, Orbits.starting(states.copy()), _LONGEST_RETURN)
     apart = np.abs(difference(path, states, point_map.coordinates))

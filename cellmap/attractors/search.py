@@ -32,6 +32,7 @@ from .quotients import quotient_of
 from .recurrence import closed_attractors
 from .residence import with_full_residence
 from .settling import Catalogue, settle, settle_on_threads
+from .surrogate import only_attractor
 from .transients import REMEDIES, Late, Reason, UnsettledWarning, regular
 from .trapping import still_trapping, trapping_neighbourhood
 from .wandering import FEWEST, are_chaotic, representatives
@@ -153,9 +154,14 @@ class Searched:
 
     def examined(self, point_map: PointMap, states: Floats, extent: Floats) -> Examination:
         """Look for chaotic attractors on which the orbits that are left move."""
-        rows = Late.latest(np.where(regular(self.labels, self.attractors), self.times, -1))
-        late = Late(wrap(states[rows], point_map.coordinates), self.times[rows])
+        late = _late(point_map, states, self.labels, self.times, self.attractors)
         return examine(point_map, self.orbits.points, extent, self.attractors, self.age, late)
+
+
+def _late(point_map: PointMap, states: Floats, labels: Ints, times: Ints, attractors: Sequence[Attractor]) -> Late:
+    """Return those of some initial conditions that came last to attractors that are not chaotic."""
+    rows = Late.latest(np.where(regular(labels, attractors), times, -1))
+    return Late(wrap(states[rows], point_map.coordinates), times[rows])
 
 
 def search(
@@ -167,8 +173,12 @@ def search(
     extent: Floats,
     examined: Examined,
     stop: Stop | None = None,
+    horizon: int = 0,
 ) -> Searched:
-    """Follow orbits and find attractors, but no chaotic ones."""
+    """Follow orbits and find attractors, but no chaotic ones, unless all orbits that are left seem to be on one.
+
+    ``horizon``: periods after which orbits would be seen not to be, where these are more than are followed here.
+    """
     attractors = list(known)
     orbits = Orbits.starting(wrap(states, point_map.coordinates))
     rows, labels, times = np.arange(len(states)), np.full(len(states), Label.UNDECIDED), np.full(len(states), -1)
@@ -181,6 +191,7 @@ def search(
         rows, orbits, last = rows[settled.undecided], settled.orbits, age + time_limit >= max_periods
         age, time_limit = min(age + time_limit, max_periods), 2 * age if age else time_limit
         if last or not _many_settle(before, len(orbits)):
+            known_to_wander = wandering
             if point_map.is_flow and age >= _MATURE and (last if wandering else len(rows) >= FEWEST):
                 wandering = are_chaotic(point_map, orbits.points, extent)
             orbits, attractors, owners = sort_out(
@@ -188,6 +199,12 @@ def search(
             )
             labels[rows], times[rows] = owners, np.where(owners >= 0, age, -1)
             rows = rows[owners == Label.UNDECIDED]
+            if wandering and not known_to_wander and len(rows) >= FEWEST:
+                late = _late(point_map, states, labels, times, attractors)
+                only = only_attractor(
+                    point_map, orbits.points, extent, attractors, late, age, max(max_periods, horizon)
+                )
+                attractors += [] if only is None else [only]
             if wandering and age >= _WANDERING and not last and len(rows) >= FEWEST:
                 kept = representatives(point_map, orbits.points, extent)
                 rows, orbits = rows[kept], orbits[kept]

@@ -22,6 +22,7 @@ _NEAR = 4  # and around each of its boxes, where those would be too many
 _FINENESS = 4  # cells of a box along each axis
 _MOST = 2**18  # cells
 _SAFETY = 2.0  # factor on the bound of what is not linear in a cell
+_SLACK = 0.01  # of a cell: how far images by a surrogate of the map may be from those of the map
 _CHECKED = 1024  # random points whose images are compared with the bounds of their cells
 _FOLLOWED = 4096  # boxes outside of the cover, from which orbits have to come to it
 _FOR = 64  # within so many periods
@@ -33,20 +34,35 @@ def is_trapped(attractor: Attractor) -> bool:
 
 
 def with_trapped_boxes(
-    point_map: PointMap, attractors: Sequence[Attractor], others: Sequence[Attractor] = ()
+    point_map: PointMap,
+    attractors: Sequence[Attractor],
+    others: Sequence[Attractor] = (),
+    surrogate: PointMap | None = None,
 ) -> list[Attractor]:
     """Return attractors, the chaotic ones with the boxes in which orbits have converged, where they have none yet."""
     found = list[Attractor]()
     for attractor in attractors:
         if attractor.kind is Kind.CHAOTIC and attractor.cover is not None and attractor.cover.trapped is None:
             beside = [a for a in (*attractors, *others) if a is not attractor]
-            trapped = trapped_boxes(point_map, attractor.cover, attractor.points, beside)
+            trapped = trapped_boxes(point_map, attractor.cover, attractor.points, beside, surrogate)
             attractor = replace(attractor, cover=replace(attractor.cover, trapped=trapped))
         found.append(attractor)
     return found
 
 
-def trapped_boxes(point_map: PointMap, cover: Cover, points: Floats, others: Sequence[Attractor] = ()) -> Bools:
+def region_around(point_map: PointMap, cover: Cover, others: Sequence[Attractor] = ()) -> tuple[Floats, Floats] | None:
+    """Return the corners of the region in which boxes are looked for; None if it is too large, or others are in it."""
+    lattice = _Lattice.free_around(point_map, cover, others)
+    return None if lattice is None else (lattice.lower, lattice.lower + lattice.cells.shape * lattice.widths)
+
+
+def trapped_boxes(
+    point_map: PointMap,
+    cover: Cover,
+    points: Floats,
+    others: Sequence[Attractor] = (),
+    surrogate: PointMap | None = None,
+) -> Bools:
     """Tell which boxes (number,) of the cover of a chaotic attractor are trapped.
 
     They are those in a neighbourhood of the attractor that no orbit leaves, so that an orbit in one of them has
@@ -58,19 +74,22 @@ def trapped_boxes(point_map: PointMap, cover: Cover, points: Floats, others: Seq
     The neighbourhood must hold the `points` (n, dimension) of the attractor, none of the `others` may be in the region,
     and from boxes outside of the cover orbits must be seen to come to the trapped ones: then they can go nowhere else.
     Where it is narrower than cells can show, as beside fractal boundaries, no box is trapped.
+
+    A `surrogate` of the map may give the images of corners, and orbits; those of random points are the map's own.
     """
+    cheap = point_map if surrogate is None else surrogate
     none = np.zeros(len(cover.boxes), bool)
-    lattice = _Lattice.around_cover(point_map, cover)
-    if lattice is None or any(lattice.within(lattice.places_of(point_map, a.points)).any() for a in others):
+    lattice = _Lattice.free_around(point_map, cover, others)
+    if lattice is None:
         return none
-    images = _Images.of(point_map, lattice)
+    images = _Images.of(cheap, lattice, 0.0 if surrogate is None else _SLACK)
     kept = images.largest_invariant()
     places = lattice.places_of(point_map, points)
     if not kept.any() or not lattice.within(places).all() or not kept[tuple(places.T)].all():
         return none
     trapped = lattice.whole_boxes(kept)
     own = np.asarray(trapped[tuple((cover.boxes - lattice.low).T)])
-    confirmed = images.confirmed(point_map, kept) and _come_to(point_map, cover, own, lattice, trapped)
+    confirmed = images.confirmed(point_map, kept) and _come_to(cheap, cover, own, lattice, trapped)
     return own if confirmed else none
 
 
@@ -108,6 +127,13 @@ class _Lattice:
                 return cls(low, lower, cover.widths / _FINENESS, boxes, around * _FINENESS)
         return None
 
+    @classmethod
+    def free_around(cls, point_map: PointMap, cover: Cover, others: Sequence[Attractor]) -> _Lattice | None:
+        """Return the same, None if it holds a point of one of other attractors, too."""
+        found = cls.around_cover(point_map, cover)
+        held = found is None or any(found.within(found.places_of(point_map, a.points)).any() for a in others)
+        return None if held else found
+
     def places_of(self, point_map: PointMap, points: Floats) -> Ints:
         """Return the indices (n, dimension) of the cells of points, beyond the others where there is none."""
         return boxes_of(points, self.lower, self.widths, point_map)
@@ -138,8 +164,8 @@ class _Images:
     highest: Floats
 
     @classmethod
-    def of(cls, point_map: PointMap, lattice: _Lattice) -> _Images:
-        """Compute the images of all corners."""
+    def of(cls, point_map: PointMap, lattice: _Lattice, slack: float) -> _Images:
+        """Compute the images of all corners, and bounds that leave so much of a cell to spare."""
         inside, d = lattice.cells, lattice.cells.ndim
         corners = np.array(list(itertools.product((0, 1), repeat=d)))
         used = np.zeros(np.add(inside.shape, 1), bool)
@@ -153,6 +179,7 @@ class _Images:
         first = images[ends[0]]
         apart = np.array([difference(images[end], first, point_map.coordinates) for end in ends])
         bound = sum(_bends(images, rows, axis, ends, point_map) for axis in range(d))
+        bound += slack * lattice.widths
         begin = first - lattice.lower
         return cls(lattice, cells, begin + apart.min(axis=0) - bound, begin + apart.max(axis=0) + bound)
 

@@ -229,7 +229,9 @@ class Run:
             examined = Examined.nothing_yet(point_map, own, chosen)
         periods = self.max_periods if to_the_end else min(_PATIENCE, self.max_periods)
         with heeding(self.stop):
-            found = search(point_map, chosen, given, periods, self.longest_period, own, examined, self.stop)
+            found = search(
+                point_map, chosen, given, periods, self.longest_period, own, examined, self.stop, self.max_periods
+            )
             if not to_the_end or not len(found.orbits):
                 return self._all(known, found.attractors)
             strange = found.examined(point_map, chosen, own).attractors

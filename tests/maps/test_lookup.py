@@ -15,6 +15,7 @@ from scipy.ndimage import map_coordinates
 from cellmap import CellGrid, PointMap, angle, discrete_map, interpolated_map
 from cellmap._compiled.codegen.lookup import BLOCK, lookup_kernel
 from cellmap._compiled.codegen.spline_sum import WIDTH, basis_polynomials
+from cellmap.maps.orbit_batch import Orbits
 
 
 def plane(x, p):
@@ -49,6 +50,14 @@ def interpolated(name: str, order: int, tolerance: float = 1e6) -> PointMap:
 
 def places_in(grid: CellGrid, number: int = 500) -> np.ndarray:
     return np.random.default_rng(1).uniform(grid.lower, grid.upper, (number, grid.dimension))
+
+
+def test_columns_of_an_array_may_lie_one_behind_the_other():
+    point_map, points = interpolated("plane", 3), places_in(TABLES["plane"][2])
+    columns = np.asfortranarray(points)
+    orbits = Orbits.starting(columns)
+    point_map.advance(orbits, 3)
+    assert np.array_equal(columns, point_map.iterate(points, 3).points)
 
 
 @pytest.mark.parametrize("order", ORDERS)

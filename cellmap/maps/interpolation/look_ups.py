@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -88,6 +89,11 @@ class LookUps(CompiledAdvance):
 
     def _advance(self, now: Orbits, periods: int) -> None:
         """Move orbits on that are alive, in place."""
+        if not now.points.flags.c_contiguous:  # look-ups find the rows by their address
+            rows = replace(now, points=np.ascontiguousarray(now.points))
+            self._advance(rows, periods)
+            now.points[:] = rows.points
+            return
         left = np.full(len(now), periods, np.int64)
         for part in self._moving(now, left):
             stopped = now[part]
