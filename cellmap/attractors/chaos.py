@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -70,6 +70,7 @@ def examine(
     known: Sequence[Attractor] = (),
     age: int = 0,
     late: Late | None = None,
+    trapped: bool = True,
 ) -> Examination:
     """Find the chaotic attractors on which long-lived orbits move, and say why the other orbits are undecided.
 
@@ -79,8 +80,8 @@ def examine(
     attractor, and so are those that go to and fro between two such sets.
 
     At most 32 of the states (n, d), evenly spread, are followed, for five times the `age` in periods that they have,
-    unless all of them are in a neighbourhood of one attractor that no orbit leaves, see :func:`trapped_boxes`.
-    If any of them leaves, or ends on a known attractor that is not chaotic, all of them are transients.  Orbits that
+    unless all of them are in a neighbourhood of one attractor that no orbit leaves, see :func:`trapped_boxes`; that is
+    not looked for unless they may be `trapped`.  If any of them leaves, or ends on a known attractor that is not chaotic, all of them are transients.  Orbits that
     stay among the boxes of a known chaotic attractor are on that attractor.  No orbit is on a new one if it is among
     the points of a known chaotic attractor, if orbits go from there to another attractor, or if any of those that came
     `late` to attractors that are not chaotic was in chaos there, halfway.  The size of the region of interest is 1 by
@@ -96,10 +97,10 @@ def examine(
         if few and len(rows) and drift(point_map, chosen[rows[0]], reach) is not None:
             reasons[rows] = Reason.RESONANT
         return Examination((), tuple(map(Reason, reasons)))
-    if chaotic.all() and age >= MATURE and point_map.is_flow and point_map.dimension <= SAMPLED:
-        trapped = trapped_attractor(point_map, chosen, reach, known, late)
-        if trapped is not None:
-            return Examination((trapped,), ())
+    if trapped and chaotic.all() and age >= MATURE and point_map.is_flow and point_map.dimension <= SAMPLED:
+        found_early = _trapped(point_map, chosen, reach, known, late)
+        if found_early is not None:
+            return Examination((found_early,), ())
     rows = np.flatnonzero(chaotic | (reasons == Reason.REGULAR))
     followed = follow_on(point_map, chosen[rows], chaotic[rows], known, age)
     reasons[rows] = followed.reasons
@@ -121,34 +122,37 @@ def examine(
     return Examination(tuple(found), tuple(Reason(r) for r in reasons if r is not None))
 
 
-def trapped_attractor(
-    point_map: PointMap,
-    states: Floats,
-    extent: Floats,
-    known: Sequence[Attractor],
-    late: Late | None,
-    ends: Callable[[Attractor], tuple[Floats, PointMap] | None] | None = None,
+def _trapped(
+    point_map: PointMap, states: Floats, extent: Floats, known: Sequence[Attractor], late: Late | None
 ) -> Attractor | None:
-    """Return the chaotic attractor of all orbits, if it is one, and in a neighbourhood that no orbit leaves.
+    """Return the chaotic attractor of all orbits, if it is one, and in a neighbourhood that no orbit leaves."""
+    attractor, ends = one_attractor(point_map, states, extent, known, late)
+    if attractor is None:
+        return None
+    (attractor,) = with_trapped_boxes(point_map, [attractor], known)
+    return with_exponents(point_map, attractor, ends, extent) if is_trapped(attractor) else None
 
-    Its exponents are those of orbits that have come to it: of these, or of those whose `ends` (n, d) are given with a
-    surrogate of the map; None where they are not on the attractor.
+
+def one_attractor(
+    point_map: PointMap, states: Floats, extent: Floats, known: Sequence[Attractor], late: Late | None
+) -> tuple[Attractor | None, Floats]:
+    """Return the attractor of all of some chaotic orbits, None if it is not one, and where they are in the end.
+
+    The exponents of the attractor are not known yet.
     """
     orbits = Orbits.starting(states.copy())
     history = path_of(point_map, orbits, _SAMPLE_PERIODS)
     if not orbits.alive.all():
-        return None
+        return None, orbits.points
     paths = states[None], np.empty((0, *history.shape[::2]))
     found, reasons = _distinguished(point_map, history, np.zeros(states.shape), *paths, extent, known, late)
-    if len(found) != 1 or any(reason is not None for reason in reasons):
-        return None
-    there = (orbits.points, point_map) if ends is None else ends(found[0])
-    if there is None:
-        return None
-    (attractor,) = with_trapped_boxes(point_map, found, known, there[1])
-    if not is_trapped(attractor):
-        return None
-    exponents, doubts = tested(point_map, there[0][evenly(len(there[0]))], extent, _SAMPLE_PERIODS)
+    one = len(found) == 1 and all(reason is None for reason in reasons)
+    return (found[0] if one else None), orbits.points
+
+
+def with_exponents(point_map: PointMap, attractor: Attractor, ends: Floats, extent: Floats) -> Attractor | None:
+    """Return an attractor with the exponents of 32 of the orbits that have come to it; None if one is not chaotic."""
+    exponents, doubts = tested(point_map, ends[evenly(len(ends))], extent, _SAMPLE_PERIODS)
     if (doubts != Reason.TRANSIENT).any():
         return None
     return replace(attractor, exponents=-np.sort(-exponents, axis=-1).mean(axis=0))

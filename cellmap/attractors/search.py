@@ -35,6 +35,7 @@ from .settling import Catalogue, settle, settle_on_threads
 from .surrogate import only_attractor
 from .transients import REMEDIES, Late, Reason, UnsettledWarning, regular
 from .trapping import still_trapping, trapping_neighbourhood
+from .trapping_boxes import is_trapped
 from .wandering import FEWEST, are_chaotic, representatives
 
 _LOOKS = 256  # looks at the same orbits, at most
@@ -143,7 +144,8 @@ class Searched:
     """What has become of the orbits of some initial conditions.
 
     ``orbits``: those that are left, ``age``: their age; ``attractors``: those known and found; ``labels``, ``times``:
-    on which attractor each initial condition ends, and in which period it came there at the latest.
+    on which attractor each initial condition ends, and in which period it came there at the latest; ``untrapped``:
+    whether orbits that are left are on a chaotic set around which no boxes are trapped.
     """
 
     orbits: Orbits
@@ -151,11 +153,14 @@ class Searched:
     age: int
     labels: Ints
     times: Ints
+    untrapped: bool = False
 
     def examined(self, point_map: PointMap, states: Floats, extent: Floats) -> Examination:
         """Look for chaotic attractors on which the orbits that are left move."""
         late = _late(point_map, states, self.labels, self.times, self.attractors)
-        return examine(point_map, self.orbits.points, extent, self.attractors, self.age, late)
+        return examine(
+            point_map, self.orbits.points, extent, self.attractors, self.age, late, trapped=not self.untrapped
+        )
 
 
 def _late(point_map: PointMap, states: Floats, labels: Ints, times: Ints, attractors: Sequence[Attractor]) -> Late:
@@ -182,7 +187,7 @@ def search(
     attractors = list(known)
     orbits = Orbits.starting(wrap(states, point_map.coordinates))
     rows, labels, times = np.arange(len(states)), np.full(len(states), Label.UNDECIDED), np.full(len(states), -1)
-    age, time_limit, wandering = 0, _FIRST_LOOK, False
+    age, time_limit, wandering, untrapped = 0, _FIRST_LOOK, False, False
     while len(orbits):
         before = len(orbits)
         catalogue, periods = Catalogue.of(attractors, point_map), min(time_limit, max_periods - age)
@@ -204,13 +209,14 @@ def search(
                 only = only_attractor(
                     point_map, orbits.points, extent, attractors, late, age, max(max_periods, horizon)
                 )
-                attractors += [] if only is None else [only]
+                untrapped = only is not None and not is_trapped(only)
+                attractors += [] if only is None or untrapped else [only]
             if wandering and age >= _WANDERING and not last and len(rows) >= FEWEST:
                 kept = representatives(point_map, orbits.points, extent)
                 rows, orbits = rows[kept], orbits[kept]
         if last:
             break
-    return Searched(orbits, attractors, age, labels, times)
+    return Searched(orbits, attractors, age, labels, times, untrapped)
 
 
 def _nothing_found(labels: Ints, reasons: Sequence[Reason], max_periods: int) -> str:

@@ -15,11 +15,11 @@ from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..maps.side_by_side import advance_on_threads
 from ..orbits.attractor import Attractor
-from .chaos import MATURE, evenly, returns, trapped_attractor
+from .chaos import MATURE, evenly, one_attractor, returns, with_exponents
 from .labels import Label
 from .settling import Catalogue, settle
 from .transients import Late
-from .trapping_boxes import region_around
+from .trapping_boxes import is_trapped, region_around, with_trapped_boxes
 
 _CELLS = 256  # of the surrogate along each axis: errors are 1e-6 of the window
 _FALLBACK = 0.25  # fraction of them that the exact map may have to serve
@@ -41,25 +41,28 @@ def only_attractor(
     periodic attractor with a small basin, 512 of them are followed to an age of some `periods`, by a surrogate of the
     map: orbits are chaotic, so that each of them is lost at any accuracy, and what they come to is not.  The surrogate
     is an interpolated map, with the exact one in fallback cells.  None where an orbit comes back to where it was or
-    ends, and in more than two dimensions, where interpolation takes many images: then orbits have to be followed.
+    ends, and in more than two dimensions, where interpolation takes many images: then orbits have to be followed.  So
+    they have if the attractor is returned without trapped boxes, where there are none.
     """
     if point_map.dimension > 2:
         return None
-
-    def ends(attractor: Attractor) -> tuple[Floats, PointMap] | None:
-        cheap = _surrogate(point_map, attractor, known)
-        if cheap is None:
-            return None
-        some = Orbits.starting(points[evenly(len(points), _FOLLOWED)])
-        settled = settle(cheap, some, Catalogue.of((), cheap), max(periods - age, 1), age)
-        if (settled.labels != Label.UNDECIDED).any():
-            return None
-        there = settled.orbits.points
-        return None if returns(cheap, there, extent).any() else (there, cheap)
-
-    some = Orbits.starting(points[evenly(len(points))])
-    advance_on_threads(point_map.advance, some, max(MATURE - age, 0))
-    return trapped_attractor(point_map, some.points, extent, known, late, ends) if some.alive.all() else None
+    sample = Orbits.starting(points[evenly(len(points))])
+    advance_on_threads(point_map.advance, sample, max(MATURE - age, 0))
+    if not sample.alive.all():
+        return None
+    attractor, _ = one_attractor(point_map, sample.points, extent, known, late)
+    surrogate = None if attractor is None else _surrogate(point_map, attractor, known)
+    if attractor is None or surrogate is None:
+        return None
+    (attractor,) = with_trapped_boxes(point_map, [attractor], known, surrogate)
+    if not is_trapped(attractor):
+        return attractor
+    many = Orbits.starting(points[evenly(len(points), _FOLLOWED)])
+    settled = settle(surrogate, many, Catalogue.of((), surrogate), max(periods - age, 1), age)
+    ends = settled.orbits.points
+    if (settled.labels != Label.UNDECIDED).any() or returns(surrogate, ends, extent).any():
+        return None
+    return with_exponents(point_map, attractor, ends, extent)
 
 
 def _surrogate(point_map: PointMap, attractor: Attractor, known: Sequence[Attractor]) -> PointMap | None:
