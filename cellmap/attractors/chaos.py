@@ -80,12 +80,12 @@ def examine(
     attractor, and so are those that go to and fro between two such sets.
 
     At most 32 of the states (n, d), evenly spread, are followed, for five times the `age` in periods that they have,
-    unless all of them are in a neighbourhood of one attractor that no orbit leaves, see :func:`trapped_boxes`; that is
-    not looked for unless they may be `trapped`.  If any of them leaves, or ends on a known attractor that is not chaotic, all of them are transients.  Orbits that
-    stay among the boxes of a known chaotic attractor are on that attractor.  No orbit is on a new one if it is among
-    the points of a known chaotic attractor, if orbits go from there to another attractor, or if any of those that came
-    `late` to attractors that are not chaotic was in chaos there, halfway.  The size of the region of interest is 1 by
-    default.
+    unless all of them are in a neighbourhood of one attractor that no orbit leaves, see :func:`trapped_boxes`, which is
+    looked for if there may be `trapped` boxes.  If any of them leaves, or ends on a known attractor that is not
+    chaotic, all of them are transients.  Orbits that stay among the boxes of a known chaotic attractor are on that
+    attractor.  No orbit is on a new one if it is among the points of a known chaotic attractor, if orbits go from there
+    to another attractor, or if any of those that came `late` to attractors that are not chaotic was in chaos there,
+    halfway.  The size of the region of interest is 1 by default.
     """
     chosen = states[evenly(len(states))]
     reach = np.ones(point_map.dimension) if extent is None else extent
