@@ -46,5 +46,6 @@ def recompute_basins(basins: Basins, source: ForcedSystem | PointMap) -> Basins:
     initial_conditions = basins.grid if basins.grid is not None else basins.initial_conditions
     assert initial_conditions is not None
     point_map = spec.build() if isinstance(spec, Interpolated) else exact
-    limits = {name: basins.settings[name] for name in ("max_periods", "longest_period")}
+    names = ("max_periods", "longest_period", "label_rtol")
+    limits = {name: basins.settings[name] for name in names if name in basins.settings}
     return find_basins(point_map, initial_conditions, **limits)
