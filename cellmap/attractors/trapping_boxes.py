@@ -165,7 +165,7 @@ class _Images:
 
     @classmethod
     def of(cls, point_map: PointMap, lattice: _Lattice, slack: float) -> _Images:
-        """Compute the images of all corners, and bounds that leave so much of a cell to spare."""
+        """Compute the images of all corners, and bounds that are wider by some part of a cell."""
         inside, d = lattice.cells, lattice.cells.ndim
         corners = np.array(list(itertools.product((0, 1), repeat=d)))
         used = np.zeros(np.add(inside.shape, 1), bool)
