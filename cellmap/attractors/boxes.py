@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,19 @@ def wrapped_boxes(places: Ints, around: Ints) -> Ints:
 def moved_boxes(boxes: Ints, steps: Ints, around: Ints) -> Ints:
     """Return all boxes that lie some steps away from others, each once, sorted."""
     moved = (boxes[:, None, :] + steps).reshape(-1, boxes.shape[1])
-    return np.unique(wrapped_boxes(moved, around), axis=0)
+    return distinct_boxes(wrapped_boxes(moved, around))
+
+
+def distinct_boxes(boxes: Ints) -> Ints:
+    """Return boxes (n, dimension) each once, sorted: by their numbers, where these have room in 64 bits."""
+    if not len(boxes):
+        return boxes
+    low, high = boxes.min(axis=0), boxes.max(axis=0)
+    shape = [b - a + 1 for a, b in zip(low.tolist(), high.tolist(), strict=True)]
+    if prod(shape) >= 2**62:
+        return np.unique(boxes, axis=0)
+    keys = np.unique(np.ravel_multi_index(tuple((boxes - low).T), shape))
+    return np.asarray(low + np.stack(np.unravel_index(keys, shape), axis=-1), np.int64)
 
 
 def box_keys(boxes: Ints, reference: Ints) -> Ints:

@@ -20,7 +20,7 @@ from ..orbits.invariant_circle import drift
 from ..orbits.lyapunov import stretched
 from ..orbits.lyapunov_qr import BLOCKS, is_positive
 from ..orbits.newton import resolution
-from .boxes import boxes_around, boxes_of, inside_cover, moved_boxes
+from .boxes import boxes_around, boxes_of, distinct_boxes, inside_cover, moved_boxes
 from .clouds import Clouds, pieces_of, recurrent_groups
 from .creeping import creeping
 from .leading_exponents import leading_exponents
@@ -368,7 +368,7 @@ def _longest_stay(history: Floats, cover: Cover, point_map: PointMap) -> int:
 
 def _cover(points: Floats, lower: Floats, widths: Floats, cut: Bools, point_map: PointMap) -> Cover:
     """Boxes of the points and all their neighbours along the axes that are cut."""
-    visited = np.unique(boxes_of(points, lower, widths, point_map), axis=0)
+    visited = distinct_boxes(boxes_of(points, lower, widths, point_map))
     shifts = np.array(list(itertools.product(*[(-1, 0, 1) if c else (0,) for c in cut])))
     around = boxes_around(widths, turns_of(point_map.coordinates)[1])
     return Cover(lower, widths, moved_boxes(visited, shifts, around))

@@ -18,7 +18,7 @@ from ..maps.side_by_side import advance_on_threads
 from ..orbits.attractor import Attractor, Cover, Kind
 from ..orbits.multipliers import multipliers_of
 from ..orbits.newton import resolution
-from .boxes import boxes_around, boxes_of, inside_cover, moved_boxes
+from .boxes import boxes_around, boxes_of, distinct_boxes, inside_cover, moved_boxes
 from .matching import thinned
 from .neutral_segments import DENSE, densely, traced
 from .tube import Curves, Tube, cover_of_tube, doubled
@@ -238,7 +238,7 @@ def _joined(covers: Sequence[Cover], segments: Sequence[Segment]) -> Cover:
     """Put covers together, in boxes of the first; with boxes at the ends of a single segment, see :func:`_drawn`."""
     first, exact = covers[0], segments[0].exact
     centres = np.concatenate([c.lower + (c.boxes + 0.5) * c.widths for c in covers])
-    boxes = np.unique(boxes_of(centres, first.lower, first.widths, exact), axis=0)
+    boxes = distinct_boxes(boxes_of(centres, first.lower, first.widths, exact))
     if len(segments) > 1 or segments[0].closed:
         return Cover(first.lower, first.widths, boxes, np.ones(len(boxes), bool))
     known = Cover(first.lower, first.widths, boxes)
@@ -324,7 +324,7 @@ def _with_boxes(exact: PointMap, cover: Cover, other: Cover) -> Cover:
     inner = (np.array(list(np.ndindex(*parts))) + 0.5) / parts
     places = other.lower + (other.boxes[:, None, :] + inner) * other.widths
     places = wrap(places.reshape(-1, exact.dimension), exact.coordinates)
-    new = np.unique(boxes_of(places, cover.lower, cover.widths, exact), axis=0)
+    new = distinct_boxes(boxes_of(places, cover.lower, cover.widths, exact))
     centres = cover.lower + (new + 0.5) * cover.widths
     new = new[~inside_cover(cover, wrap(centres, exact.coordinates), exact)]
     certain = np.ones(len(new), bool)

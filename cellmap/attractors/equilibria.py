@@ -18,7 +18,7 @@ from ..maps.tangent import tangent
 from ..orbits.attractor import Attractor, Cover, Kind
 from ..orbits.multipliers import multipliers_of
 from ..orbits.newton import resolution
-from .boxes import boxes_around, boxes_of, in_units, inside_cover, moved_boxes, tree_of, wrapped_boxes
+from .boxes import boxes_around, boxes_of, distinct_boxes, in_units, inside_cover, moved_boxes, tree_of, wrapped_boxes
 
 _PROBE = 1e-7  # distance at which the neighbours of an equilibrium are tried, in units of the extent,
 _RESOLVED = 1e4 * AT_REST  # or of the resolution, where they would not be seen to move in a smaller region
@@ -146,7 +146,7 @@ def _flooded(
         new = new[(((centres >= region[0]) & (centres <= region[1])) | ~wide | (around > 0)).all(axis=-1)]
         front = new[_rests(exact, wrap(place + new * widths, exact.coordinates), extent)]
         known = np.concatenate([known, front])
-    return np.unique(known, axis=0)
+    return distinct_boxes(known)
 
 
 def _amid(boxes: Ints, among: Ints, steps: Ints, around: Ints) -> Bools:

@@ -19,7 +19,7 @@ from ..maps.point_map import PointMap
 from ..maps.side_by_side import advance_on_threads
 from ..orbits.attractor import Cover
 from ..orbits.invariant_torus import InvariantTorus, places_of
-from .boxes import boxes_of, in_units, tree_of
+from .boxes import boxes_around, boxes_of, distinct_boxes, in_units, moved_boxes, tree_of
 
 DENSE = 2048
 """Points of each curve, between which it is straight."""
@@ -34,7 +34,8 @@ _SEEN = {1: 128, 2: 128, 3: 128}  # points of each surface along a curve; else 6
 _NARROW = 1e-4  # radius of the first surface, in units of the curve's size
 _ALLOWED = 0.9  # largest factor on all other surfaces
 _GROWTH = {1: 1.25, 2: 1.25, 3: 1.25}  # factor from one surface to the next; else 2.0
-_AHEAD = 4  # surfaces that are looked at together
+_AHEAD = {1: 4, 2: 4, 3: 4}  # surfaces that are looked at together; else 1
+_LEAP, _ALIKE = 8.0, 0.1  # factor between surfaces where contraction is the same on both, and what it may differ by
 _FINENESS = {1: 0.5, 2: 0.5, 3: 0.5, 4: 0.75}  # diagonal of a box in units of the tube's radius; else 1.5
 _MOST_BOXES = 2**20
 _CELLS = 256  # points of a torus in each phase, between which it is a paraboloid
@@ -226,8 +227,9 @@ def verified_tube(curves: Attracting, extent: Floats, narrowest: float) -> Tube 
 
     After a fixed number of steps the distance to the curves has fallen by a tenth or more, everywhere on surfaces from
     the narrowest to the widest, each a quarter wider than the one before, or twice as wide in four dimensions, where
-    surfaces take many points.  A distance that falls again and again leaves
-    no other attractor in the tube.  None where the narrowest surface does not contract.
+    surfaces take many points; there wider steps are made as long as contraction is the same, as it is where the map is
+    all but linear.  A distance that falls again and again leaves no other attractor in the tube.  None where the
+    narrowest surface does not contract.
     """
     limit = 0.25 * float((extent / curves.size).min())
     radius = max(_NARROW, narrowest)
@@ -238,8 +240,15 @@ def verified_tube(curves: Attracting, extent: Floats, narrowest: float) -> Tube 
     steps, factor = _steps_needed(curves, radius)
     if not steps:
         return None
+    d, linear = curves.exact.dimension, factor
+    while d > 3 and _LEAP * radius < limit:
+        there = float(_factors(curves, np.array([_LEAP * radius]), steps)[0])
+        if abs(there - linear) > _ALIKE:
+            limit = limit if there <= _ALLOWED else 0.5 * _LEAP * radius
+            break
+        radius, factor = _LEAP * radius, max(factor, there)
     while radius < limit:
-        radii = np.minimum(radius * _GROWTH.get(curves.exact.dimension, 2.0) ** np.arange(1, _AHEAD + 1), limit)
+        radii = np.minimum(radius * _GROWTH.get(d, 2.0) ** np.arange(1, _AHEAD.get(d, 1) + 1), limit)
         factors = _factors(curves, radii, steps)
         passed = int(np.argmin(np.append(factors <= _ALLOWED, False)))
         if passed:
@@ -258,17 +267,15 @@ def cover_of_tube(curves: Attracting, tube: Tube) -> Cover | None:
     widths = np.where(turn > 0, turn / np.maximum(np.ceil(turn / widths), 1.0), widths)
     corner = np.where(turn > 0, lower, curves.points.reshape(-1, d)[0])
     points = curves.points.reshape(-1, d)
-    visited = np.unique(boxes_of(points, corner, widths, curves.exact), axis=0)
+    visited = distinct_boxes(boxes_of(points, corner, widths, curves.exact))
     half = 0.5 * float(np.linalg.norm(widths / curves.size))
     reach = np.ceil((tube.radius - half) * curves.size / widths).astype(int).clip(1, None)
     while len(visited) * np.prod(2.0 * reach + 1.0) > _MOST_BOXES and reach.max() > 1:
         reach = np.maximum(reach - 1, 1)
     if len(visited) * np.prod(2.0 * reach + 1.0) > _MOST_BOXES:
         return None
-    steps = list(itertools.product(*[range(-r, r + 1) for r in reach]))
-    # Boxes are numbered within the turn of an angle, as the places of points are.
-    centres = corner + (visited[:, None, :] + np.array(steps) + 0.5) * widths
-    boxes = np.unique(boxes_of(centres.reshape(-1, d), corner, widths, curves.exact), axis=0)
+    steps = np.array(list(itertools.product(*[range(-r, r + 1) for r in reach])))
+    boxes = moved_boxes(visited, steps, boxes_around(widths, turn))
     if d > 1:
         boxes = boxes[curves.distances(corner + (boxes + 0.5) * widths) + half <= tube.radius]
     if not len(boxes):
