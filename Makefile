@@ -19,7 +19,7 @@ export PIP_CONSTRAINT := $(PINS)
 export PIP_BUILD_CONSTRAINT := $(PINS)
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-docs basins figures test test-all test-newest test-oldest coverage dist mutants size check check-code check-pins check-site bench bench-history docs pins clean
+.PHONY: help env env-docs basins figures test test-all test-newest test-oldest test-aarch64 coverage dist mutants size check check-code check-pins check-site bench bench-history docs pins clean
 
 help:
 	@echo "make basins       basins of the driven pendulum (figure 19), into studies/output/"
@@ -27,6 +27,7 @@ help:
 	@echo "make test         fast tests and the examples in docstrings"
 	@echo "make test-all     slow tests as well"
 	@echo "make test-oldest  fast tests with the lowest versions that pyproject.toml promises, in another one"
+	@echo "make test-aarch64 compiles what the tests of ROOMS=tests/maps compile for AArch64 as well"
 	@echo "make coverage     lines that no test runs; of ROOMS=tests/maps alone"
 	@echo "make dist         wheel and source distribution, into dist/, checked and used by all examples"
 	@echo "make mutants      share of small changes of the code that the tests of the same room notice"
@@ -99,6 +100,10 @@ test-oldest: env
 	$(VENV)/bin/uv venv --quiet --python $(PYTHON) .venv-oldest
 	VIRTUAL_ENV=.venv-oldest $(VENV)/bin/uv pip install --quiet --resolution lowest-direct --editable '.[test]'
 	.venv-oldest/bin/python -m pytest -W default -n auto --dist loadfile $(ROOMS)
+
+# Object files for AArch64 of what the tests of ROOMS compile; the plugin says how an emulator runs them.
+test-aarch64: env
+	PYTHONPATH=tests/platforms $(RUN) -m pytest -p aarch64 -q $(ROOMS)
 
 # Lines that the tests of ROOMS run: make coverage ROOMS=tests/maps
 coverage: $(INSTALLED)release

@@ -74,9 +74,7 @@ def compiled_once(source: str, compiled: Callable[[], bytes], level: int = _LEVE
 
     The source is all that they are compiled from, at a level of optimisation.
     """
-    cache = ObjectCache.of_user()
-    versions = (str(llvm.llvm_version_info), llvmlite.__version__, *_host(), str(level))
-    key = hashlib.sha256("\0".join((source, *versions)).encode()).hexdigest()
+    cache, key = ObjectCache.of_user(), key_of_object(source, level)
     found = cache.read(key)
     if found is None:
         found = compiled()
@@ -85,6 +83,12 @@ def compiled_once(source: str, compiled: Callable[[], bytes], level: int = _LEVE
     engine.add_object_file(llvm.ObjectFileRef.from_data(found))
     engine.finalize_object()
     return MachineCode(source, engine)
+
+
+def key_of_object(source: str, level: int) -> str:
+    """Return the name of the object file for this processor of what is compiled from a source."""
+    versions = (str(llvm.llvm_version_info), llvmlite.__version__, *_host(), str(level))
+    return hashlib.sha256("\0".join((source, *versions)).encode()).hexdigest()
 
 
 def loop_code(text: str) -> bytes:
