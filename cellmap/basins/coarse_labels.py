@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.arrays import Bools, Ints
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import finite_number, warn_caller
 from ..attractors.labels import Label
 from ..attractors.residence import is_same
@@ -64,21 +64,15 @@ def audited_basins(
     map itself: a coarser one has others, which differ by its error.  What the audit has found is in the settings.
     """
     coarse, total = coarser(point_map, rtol), len(places)
-    few = np.random.default_rng(0).choice(total, min(total, _SEARCHED), replace=False)
+    few = np.sort(np.random.default_rng(0).choice(total, min(total, _SEARCHED), replace=False))
+    points, periods = places.wrapped(few, point_map), settings["max_periods"]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnsettledWarning)
-        attractors = find_attractors(
-            point_map,
-            places.wrapped(np.sort(few), point_map),
-            settings["max_periods"],
-            settings["longest_period"],
-            known,
-        )
-    basins = find(coarse, attractors)
-    audit = {"audited": 0, "differing": 0, "wrong": 1.0}
-    if all(any(is_same(a, b) for b in attractors) for a in basins.attractors):
-        basins, audit = _audited(basins, point_map, attractors, places)
-    if audit["wrong"] > ALLOWED:
+        attractors = find_attractors(point_map, points, periods, settings["longest_period"], known)
+    basins, audit = None, _compared(coarse, point_map, attractors, points, periods)
+    if audit["wrong"] <= ALLOWED:
+        basins, audit = _audited(find(coarse, attractors), point_map, attractors, places)
+    if basins is None or audit["wrong"] > ALLOWED:
         basins = find(point_map, attractors)
     elif audit["differing"]:
         warn_caller(
@@ -89,6 +83,17 @@ def audited_basins(
     return replace(basins, settings=found, point_map=point_map)
 
 
+def _compared(
+    coarse: PointMap, exact: PointMap, attractors: Sequence[Attractor], points: Floats, periods: int
+) -> dict[str, float]:
+    """Label some initial conditions by both maps: on fractal boundaries few show that many labels are wrong."""
+    if not attractors:
+        return {"audited": 0, "differing": 0, "wrong": 1.0}
+    labels, others = (labeller(used, attractors, max_periods=periods)(points) for used in (coarse, exact))
+    differing = int(np.count_nonzero(labels != others))
+    return {"audited": len(points), "differing": differing, "wrong": differing / len(points)}
+
+
 def _audited(
     basins: Basins, point_map: PointMap, attractors: Sequence[Attractor], places: InitialConditions
 ) -> tuple[Basins, dict[str, float]]:
@@ -97,6 +102,8 @@ def _audited(
     They are ``audited``, ``differing`` of them have another label, and ``wrong`` is the fraction of all that are
     estimated to be so, from those where neighbours differ and from the others.
     """
+    if not all(any(is_same(a, b) for b in attractors) for a in basins.attractors):
+        return basins, {"audited": 0, "differing": 0, "wrong": 1.0}
     labels, times = basins.labels.copy(), basins.settling_time.copy()
     flat, flat_times = labels.reshape(-1), times.reshape(-1)
     beside = _beside_others(basins).ravel()

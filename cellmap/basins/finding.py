@@ -107,10 +107,10 @@ def find_basins(
         With a checkpoint the same call goes on from there.
     label_rtol : float, optional
         Relative tolerance of labels, larger than that of the map, whose absolute tolerance grows with it.  Attractors
-        are those of the map, from 1024 initial conditions.  An audit labels as many again by the map itself, half of
-        them where neighbours on the grid differ, and keeps these labels; if it suggests that more than 0.1 % of all are
-        wrong, or other attractors are met, all initial conditions are labelled by the map.  What was found is in
-        ``settings["audit"]``.  Not with a checkpoint.
+        are those of the map, from 1024 initial conditions.  These are labelled by both, and at last an audit labels as
+        many by the map itself, half of them where neighbours on the grid differ, and keeps these labels.  If either
+        suggests that more than 0.1 % of all labels are wrong, or other attractors are met, all initial conditions are
+        labelled by the map.  What was found is in ``settings["audit"]``.  Not with a checkpoint.
 
     Returns
     -------
