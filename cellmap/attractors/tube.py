@@ -35,7 +35,7 @@ _NARROW = 1e-4  # radius of the first surface, in units of the curve's size
 _ALLOWED = 0.9  # largest factor on all other surfaces
 _GROWTH = {1: 1.25, 2: 1.25, 3: 1.25}  # factor from one surface to the next; else 2.0
 _AHEAD = {1: 4, 2: 4, 3: 4}  # surfaces that are looked at together; else 1
-_LEAP, _ALIKE = 8.0, 0.1  # factor between surfaces where contraction is the same on both, and what it may differ by
+_WIDER, _ALIKE = 8.0, 0.1  # factor between surfaces where contraction is the same on both, and what it may differ by
 _FINENESS = {1: 0.5, 2: 0.5, 3: 0.5, 4: 0.75}  # diagonal of a box in units of the tube's radius; else 1.5
 _MOST_BOXES = 2**20
 _CELLS = 256  # points of a torus in each phase, between which it is a paraboloid
@@ -241,12 +241,12 @@ def verified_tube(curves: Attracting, extent: Floats, narrowest: float) -> Tube 
     if not steps:
         return None
     d, linear = curves.exact.dimension, factor
-    while d > 3 and _LEAP * radius < limit:
-        there = float(_factors(curves, np.array([_LEAP * radius]), steps)[0])
+    while d > 3 and _WIDER * radius < limit:
+        there = float(_factors(curves, np.array([_WIDER * radius]), steps)[0])
         if abs(there - linear) > _ALIKE:
-            limit = limit if there <= _ALLOWED else 0.5 * _LEAP * radius
+            limit = limit if there <= _ALLOWED else 0.5 * _WIDER * radius
             break
-        radius, factor = _LEAP * radius, max(factor, there)
+        radius, factor = _WIDER * radius, max(factor, there)
     while radius < limit:
         radii = np.minimum(radius * _GROWTH.get(d, 2.0) ** np.arange(1, _AHEAD.get(d, 1) + 1), limit)
         factors = _factors(curves, radii, steps)

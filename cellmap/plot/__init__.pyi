@@ -1,7 +1,6 @@
 from ._animation import animate as animate
 from ._basins import basins as basins
 from ._basins import certificate as certificate
-from ._basins import plan as plan
 from ._boundary_objects import boundary_distance as boundary_distance
 from ._boundary_objects import chaotic_saddle as chaotic_saddle
 from ._boundary_objects import edge_orbit as edge_orbit
@@ -30,6 +29,7 @@ from ._global_bifurcations import connections as connections
 from ._global_bifurcations import invariant_circles as invariant_circles
 from ._motion import phase_portrait as phase_portrait
 from ._motion import time_series as time_series
+from ._plans import plan as plan
 from ._proofs import proof as proof
 from ._resilience import ball as ball
 from ._resilience import basin_stability as basin_stability

@@ -60,7 +60,7 @@ def symbol(name: str) -> str:
 def titled(coordinate: Coordinate) -> str:
     """Return what stands beside the axis of a coordinate: its symbol, and its unit."""
     of, between, name = coordinate.name.rpartition(" of ")
-    shown_as = f"{of}{between}{symbol(name)}"
+    shown_as = f"{of}{between}{''.join(map(symbol, re.split('( [+-] )', name)))}"
     return f"{shown_as} ({coordinate.unit})" if coordinate.unit else shown_as
 
 

@@ -1,8 +1,8 @@
-"""Figures of basins, of the evidence for labels and of plans, with matplotlib; small images of basins."""
+"""Figures of basins, and of the evidence for labels, with matplotlib; small images of basins."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from io import BytesIO
 from typing import Any
@@ -12,16 +12,16 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from .._lib.arrays import Floats
+from .._lib.checks import shown
 from ..basins.by_features import FeatureBasins
 from ..basins.certification.certificate import Certificate, Evidence
-from ..basins.planning.plans import Plan
-from ..basins.planning.predictions import Option
 from ..basins.record import Basins
 from ..maps.grid import CellGrid
 from ..orbits.attractor import Kind
 from ._axes import axes_or_new, label_axis, legend_below, name_axes, pair_of, plane_of, show_cells, symbol
 from ._colours import label_colours
 from ._draw import figure
+from ._reduced import Reduction, reduction_of
 
 
 @figure
@@ -34,6 +34,7 @@ def basins(
     show_attractors: bool = True,
     legend: bool = True,
     plane: tuple[int | str, int | str] | None = None,
+    reference: int | str | Sequence[int | str] | None = None,
 ) -> Axes:
     """Draw basins of attraction.
 
@@ -54,6 +55,10 @@ def basins(
         Name each attractor with the fraction of its basin.
     plane : tuple of int or str, optional
         Coordinates across and up of initial conditions that are no grid; by default the first two.
+    reference : int, str or sequence of them, optional
+        Of attractors with a continuous symmetry, a coordinate for each of its directions that states are shifted to
+        0 in: others are drawn as differences to it, as angles where all may turn together.  On a grid, which has to
+        hold it, attractors are drawn where it has the grid's value.
 
     Returns
     -------
@@ -63,7 +68,8 @@ def basins(
     Raises
     ------
     ValueError
-        For basins on a grid with three or more axes of more than one cell.
+        For basins on a grid with three or more axes of more than one cell, and for a `reference` that the symmetry does
+        not shift, or that is on an axis.
 
     Examples
     --------
@@ -73,16 +79,19 @@ def basins(
     '$x$'
     """
     wide = _coordinates_of_axes(basins, plane)
+    reduced = None if reference is None else reduction_of(basins, reference)
+    if reduced is not None and {*reduced.references} & {*wide}:
+        raise ValueError(f"reference={shown(reference)}: it is on an axis; give another one, or another plane")
     ax = axes_or_new(ax, (7.0, 5.5))
     palette = label_colours(basins.fractions, colours)
     if basins.grid is None:
-        _show_points(ax, basins, palette, wide)
+        _show_points(ax, basins, palette, wide, reduced)
     elif len(wide) == 1:
         _show_strip(ax, basins, painted(basins, palette, shade), basins.grid, wide[0])
     else:
         show_cells(ax, painted(basins, palette, shade), basins.grid, basins.coordinates)
     if show_attractors:
-        _mark_attractors(ax, basins, wide)
+        _mark_attractors(ax, basins, wide, reduced)
     if legend:
         fractions = {k: _percent(f.fraction) for k, f in basins.fractions.items()}
         legend_below(ax, [(palette[k], f"{basins.label_name(k)}: {s}") for k, s in fractions.items()])
@@ -113,14 +122,17 @@ def _coordinates_of_axes(basins: Basins | FeatureBasins, plane: tuple[int | str,
     return wide
 
 
-def _show_points(ax: Axes, basins: Basins | FeatureBasins, palette: Mapping[int, Any], wide: list[int]) -> None:
+def _show_points(
+    ax: Axes, basins: Basins | FeatureBasins, palette: Mapping[int, Any], wide: list[int], reduced: Reduction | None
+) -> None:
     """Draw initial conditions as points."""
     points = np.asarray(basins.initial_conditions).reshape(-1, len(basins.coordinates))
+    points, axes = (points, basins.coordinates) if reduced is None else (reduced.shifted(points), reduced.axes())
     labels = basins.labels.ravel()
     size = float(np.clip(250.0 / np.sqrt(len(labels)), 1.5, 8.0))
     for label, colour in palette.items():
         ax.plot(*_across(points[labels == label], wide), ".", markersize=size, color=colour)
-    name_axes(ax, [basins.coordinates[j] for j in wide], np.ptp(points[:, wide], axis=0).tolist())
+    name_axes(ax, [axes[j] for j in wide], np.ptp(points[:, wide], axis=0).tolist())
     if len(wide) == 1:
         ax.set_yticks([])
 
@@ -146,14 +158,17 @@ def painted(basins: Basins | FeatureBasins, palette: Mapping[int, Any], shade: b
     return image
 
 
-def _mark_attractors(ax: Axes, basins: Basins | FeatureBasins, wide: list[int]) -> None:
+def _mark_attractors(ax: Axes, basins: Basins | FeatureBasins, wide: list[int], reduced: Reduction | None) -> None:
     """Draw the points of attractors that lie in the window; a chaotic, quasi-periodic or unknown one as a cloud."""
     if isinstance(basins, FeatureBasins):
         for points in basins.representatives:
             ax.plot(*_across(points, wide), ".", markersize=3, color="black", scalex=False, scaley=False)
         return
+    grid = basins.grid
+    held = 0.0 if grid is None or reduced is None else np.array([grid.axis(j)[0] for j in reduced.references])
     for attractor in basins.attractors:
-        places = np.stack(_across(attractor.points, wide), axis=-1)
+        points = attractor.points if reduced is None else reduced.shifted(attractor.points, held)
+        places = np.stack(_across(points, wide), axis=-1)
         if attractor.kind in (Kind.CHAOTIC, Kind.QUASIPERIODIC):
             alpha = 0.5 if attractor.kind is Kind.CHAOTIC else 1.0
             ax.plot(*places.T, ",", color="black", alpha=alpha, scalex=False, scaley=False)
@@ -231,57 +246,6 @@ def certificate(certificate: Certificate, *, ax: Axes | None = None) -> Axes:
     legend_below(ax, [(EVIDENCE_COLOURS[e], f"{_EVIDENCE_NAMES[e]}: {100 * fractions[e]:.3g} %") for e in Evidence])
     ax.set_title(f"{basins.name}: evidence for labels")
     return ax
-
-
-@figure
-def plan(plan: Plan, *, ax: Axes | None = None) -> Axes:
-    """Draw the predicted error against the predicted time of all options of a plan, and mark the chosen one.
-
-    Parameters
-    ----------
-    plan : Plan
-        From :func:`plan`.
-    ax : matplotlib Axes, optional
-        Axes to draw on; by default those of a new figure.
-
-    Returns
-    -------
-    matplotlib Axes
-        The axes: one line for each integration method and for each order of interpolation, from fast and inaccurate to
-        slow and accurate, with hollow markers where memory does not suffice, the requested accuracy and the chosen
-        option.
-
-    Examples
-    --------
-    >>> from cellmap import CellGrid, discrete_map, plan, plot
-    >>> exact = discrete_map(lambda x, p: (x[0] / 2 + x[0] ** 3 / 9,), {}, ("x",))
-    >>> plot.plan(plan(exact, CellGrid((-1,), (1,), (50,)), accuracy=1e-3)).get_xscale()
-    'log'
-    """
-    ax = axes_or_new(ax, (7.0, 5.0))
-    families: dict[str, list[Option]] = {}
-    for option in plan.options:
-        families.setdefault(option.family, []).append(option)
-    for number, (family, members) in enumerate(families.items()):
-        marker = "s" if members[0].kind == "direct" else "o"
-        colour = f"C{number}"
-        possible = [o for o in members if not o.obstacle]
-        closed = [o for o in members if o.obstacle]
-        name = family if members[0].kind == "direct" else f"interpolated map of {family}"
-        ax.plot(*_costs(possible), marker + "-", color=colour, markersize=4, linewidth=1.0, label=name)
-        ax.plot(*_costs(closed), marker, color=colour, markersize=4, markerfacecolor="none")
-    chosen = plan.chosen
-    ax.plot(*_costs([chosen]), "*", color="black", markersize=14, zorder=3, label=f"chosen: {chosen}")
-    ax.axhline(plan.accuracy, color="0.5", linestyle="--", linewidth=1.0, label=f"requested: {plan.accuracy:.1e}")
-    ax.set(xscale="log", yscale="log", xlabel="predicted time (s)")
-    ax.set_ylabel("predicted error of one period (99th percentile)")
-    ax.legend(fontsize="small")
-    ax.set_title(f"{plan.job.reference.name}: {plan.measurements.initial_conditions:,} initial conditions")
-    return ax
-
-
-def _costs(options: list[Option]) -> tuple[list[float], list[float]]:
-    return [o.seconds for o in options], [max(o.error, 1e-18) for o in options]
 
 
 _PIXELS = 128  # along the longer side

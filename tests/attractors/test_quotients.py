@@ -7,9 +7,18 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 
-from cellmap import ForcedSystem, angle, discrete_map, find_attractors, find_basins, load_basins, save_basins
+from cellmap import (
+    ForcedSystem,
+    angle,
+    discrete_map,
+    find_attractors,
+    find_basins,
+    load_basins,
+    save_basins,
+)
 from cellmap.analysis.resilience import basin_stability
 from cellmap.attractors.quotients import quotient_of
+from cellmap.basins import continue_basins
 from cellmap.exchange import to_xarray
 from cellmap.maps import stroboscopic_map
 from cellmap.maps.coordinates import difference
@@ -50,6 +59,24 @@ def test_twisted_states_of_a_ring_are_one_attractor_each_whatever_their_common_p
     again = find_basins(ring_basins.point_map, shifted, max_periods=300, attractors=ring_basins.attractors)
     assert np.array_equal(again.labels, ring_basins.labels)
     assert ring_basins.verify(50).wrong == 0
+
+
+def test_twisted_states_are_continued_over_a_parameter(ring):
+    """Each keeps its label and its winding number, and counts are those of basins at each value."""
+    states, values = np.random.default_rng(0).uniform(-pi, pi, (100, N)), [K, 0.22]
+    swept = continue_basins(ring, "K", values, states, max_periods=300)
+    assert len(swept.labels) == 3
+    windings = [
+        {
+            label: round(np.angle(np.exp(1j * (np.roll(a.points[0], -1) - a.points[0]))).sum() / (2 * pi))
+            for label, a in found.items()
+        }
+        for found in swept.attractors
+    ]
+    assert windings[0] == windings[1]
+    for value, counts in zip(values, swept.counts, strict=True):
+        alone = find_basins(ring.with_params(K=value), states, max_periods=300)
+        assert sorted(np.bincount(alone.labels)) == sorted(counts[:3])
 
 
 def test_attractors_with_a_symmetry_are_stored_and_label_other_points(ring_basins, tmp_path):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from dataclasses import replace
-from math import pi
+from math import pi, sin
 
 import matplotlib as mpl
 import numpy as np
@@ -343,6 +343,35 @@ def test_basins_of_lines_and_of_lists():
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$z$", "$x$")
     drawn = np.concatenate([line.get_xydata() for line in ax.lines[:2]])
     assert {tuple(row) for row in drawn} == {tuple(row) for row in basins.initial_conditions[:, [2, 0]]}
+    mpl.pyplot.close("all")
+
+
+def test_coordinates_without_a_common_phase():
+    """Phases on a ring: as differences to the second one, initial conditions and attractors are where all shifts are.
+
+    In step, all differences are 0; on a grid the attractor is where the grid holds the reference.
+    """
+
+    def ring(x, p):
+        return tuple(x[i] + 0.2 * (sin(x[i - 1] - x[i]) + sin(x[(i + 1) % 5] - x[i])) for i in range(5))
+
+    phases = discrete_map(ring, {}, [angle(f"phi_{i}") for i in range(5)])
+    initial_conditions = np.random.default_rng(0).uniform(-0.7, 0.7, (30, 5))
+    basins = find_basins(phases, initial_conditions)
+    ax = plot.basins(basins, plane=("phi_0", 2), reference="phi_1")
+    assert ax.get_xlabel().startswith(r"$\phi_{0}$ - $\phi_{1}$") and ax.get_ylabel().startswith(r"$\phi_{2}$ -")
+    expected = initial_conditions[:, [0, 2]] - initial_conditions[:, 1:2]
+    assert np.allclose(ax.lines[0].get_xydata(), expected, atol=1e-14)
+    assert np.abs(ax.lines[-1].get_xydata()).min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-9)
+    held = CellGrid((-0.7, 0.5, -0.7, -0.1, -0.1), (0.7, 0.7, 0.7, 0.1, 0.1), (4, 1, 4, 1, 1))
+    slice_of_grid = plot.basins(find_basins(phases, held, attractors=basins.attractors), reference="phi_1")
+    assert np.isclose(slice_of_grid.lines[-1].get_xydata(), 0.6, atol=1e-9).all(axis=1).any()
+    for reference, message in ((0, "on an axis"), (("phi_1", "phi_3"), "give 1 of"), ("x", "coordinates are")):
+        with pytest.raises(ValueError, match=message):
+            plot.basins(basins, plane=(0, 2), reference=reference)
+    line = discrete_map(lambda x, p: (x[0] / 2, x[1] / 2), {}, ("x", "y"))
+    with pytest.raises(ValueError, match="no attractor of these basins has a continuous symmetry"):
+        plot.basins(find_basins(line, [[0.1, 0.2]]), reference="x")
     mpl.pyplot.close("all")
 
 
