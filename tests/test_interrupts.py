@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 PROGRAM = """
 import os, signal, sys, threading, time, warnings
 from math import cos, pi
@@ -122,9 +124,10 @@ for name, call in CALLS.items():
 """
 
 
+@pytest.mark.timeout(1200)
 def test_each_long_call_is_answered_within_two_seconds_of_work():
     """Seconds of the processor, all threads together: how long that takes on a busy machine is not ours."""
-    done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, timeout=280)
+    done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, timeout=1100)
     answers = dict(line.split(": ", 1) for line in done.stdout.splitlines())
     assert done.returncode == 0, done.stderr
     assert len(answers) >= 34
