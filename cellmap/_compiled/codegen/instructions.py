@@ -19,6 +19,8 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
+_LATE = 2
+
 
 def _operator(instruction: str, swapped: bool = False) -> Callable[[Any, Any], Any]:
     """Return the method of a value that writes an operation with another one, or with a number."""
@@ -37,7 +39,8 @@ def _operator(instruction: str, swapped: bool = False) -> Callable[[Any, Any], A
 class Value:
     """A name or a literal, and what it stands for: "double", "i1", or a vector of either.
 
-    ``code`` is the function that it belongs to; a literal belongs to any.
+    ``code`` is the function that it belongs to; a literal belongs to any.  ``written`` counts the instructions of it
+    until there for a vector, and is 0 for what all lanes share, on which none of them waits.
     """
 
     text: str
@@ -45,6 +48,7 @@ class Value:
     flag: bool = False
     literal: float | None = None
     code: Instructions | None = field(default=None, repr=False)
+    written: int = 0
 
     __add__, __radd__ = _operator("fadd"), _operator("fadd", swapped=True)
     __sub__, __rsub__ = _operator("fsub"), _operator("fsub", swapped=True)
@@ -74,17 +78,15 @@ class Value:
 
     @staticmethod
     def dot(pairs: Sequence[tuple[Value | float, Value]]) -> Value:
-        """Return a sum of products.  A long one is made of two chains side by side."""
-        if len(pairs) < 4:
-            return total(x * y for x, y in pairs)
-        chains: list[Value] = []
-        for k, (x, y) in enumerate(pairs):
-            product = x * y
-            if k < 2:
-                chains.append(product)
-            else:
-                chains[k % 2] = chains[k % 2] + product
-        return chains[0] + chains[1]
+        """Return a sum of products, those of values written last at its end: they may have to be waited for.
+
+        A long one is two chains side by side, each link of which waits for the one before, and the last two products.
+        """
+        terms = sorted(pairs, key=lambda pair: max(getattr(value, "written", 0) for value in pair))
+        early, late = (terms[:-_LATE], terms[-_LATE:]) if len(terms) > 2 * _LATE + 1 else (terms, [])
+        chains = [early[::2], early[1::2]] if late else [early]
+        found = total(total(x * y for x, y in chain) for chain in chains)
+        return functools.reduce(lambda known, pair: known + pair[0] * pair[1], late, found)
 
     @property
     def function(self) -> Instructions:
@@ -167,7 +169,7 @@ class Instructions:
 
     def _append(self, lines: list[str], instruction: str, vector: bool, flag: bool) -> Value:
         self._count += 1
-        value = Value(f"%v{self._count}", vector, flag, None, self)
+        value = Value(f"%v{self._count}", vector, flag, None, self, self._count if vector else 0)
         lines.append(f"  {value.text} = {instruction}")
         return value
 

@@ -4,14 +4,15 @@ The function is
 
     advance(context, x, steps, start, period, p, error, orbits)
 
-with addresses of arrays: blocks ``x`` of shape (blocks, dimension, LANES), the number of steps of each block, the time
-at which the period begins, its length, the parameters, and ``error`` of the shape of x, which receives the sum of the
-estimated local errors of each component; and the number of orbits in the blocks.  Lanes of the last block beyond these
-hold copies, which may be moved on or not.  The context is for functions that serve several systems, see
-:mod:`cellmap._compiled.codegen.switching`, and for steps that call others.
+with addresses of arrays: blocks ``x`` of shape (blocks, dimension, LANES), a number of steps for each block, the same
+for all of them, the time at which the period begins, its length, the parameters, and ``error`` of the shape of x, which
+receives the sum of the estimated local errors of each component; and the number of orbits in the blocks.  Lanes of the
+last block beyond these hold copies, which may be moved on or not.  The context is for functions that serve several
+systems, see :mod:`cellmap._compiled.codegen.switching`, and for steps that call others.
 
-Blocks are the outer loop, then the steps of a block, then the vectors of its lanes; the body of the innermost loop is
-one whole step, straight-line code.  A method supplies it as a :data:`Step`; see :mod:`runge_kutta` and :mod:`taylor`.
+A few blocks at a time are the outer loop, then the steps of these, then the vectors of their lanes; the body of the
+innermost loop is one whole step, straight-line code.  A method supplies it as a :data:`Step`; see :mod:`runge_kutta`
+and :mod:`taylor`.
 """
 
 from __future__ import annotations
@@ -29,8 +30,14 @@ from ..kernels.blocks import LANES
 from ..machine_code import MachineCode, machine_code, vector_width
 from .instructions import Instructions, Value, module_text, number, total
 
+_SHIFT = LANES.bit_length() - 1
+
 CHECKED = 256
 """Steps between two looks at whether any lane of a block is still finite."""
+
+_TOGETHER, _ROWS = 4, 32
+"""Blocks that step together, so that what all lanes share is computed for more of them, and components of all these:
+as many as stay in the first cache."""
 
 NO_LENGTH = 1e-290  # of a vector that has vanished, and has no error
 
@@ -88,21 +95,20 @@ def compiled_advance(text: str, quick: bool = False) -> CompiledPeriod:
 
 def period_text(step: Step, dimension: int, parameters: int, width: int) -> str:
     """Return the text of a module with the function ``advance`` described above, for vectors of some width."""
-    out, components = Instructions(width), range(dimension)
+    out, components, together = Instructions(width), range(dimension), max(1, min(_TOGETHER, _ROWS // dimension))
     per_step = step(out, loaded_parameters(out, parameters))
-    with out.loop("block", blocks_of_orbits(out)) as block:
-        used = lanes_in_use(out, block)
-        steps = out.result(f"load i64, ptr {out.address('%steps', block)}, align 8").text
-        first = out.result(f"mul i64 {block}, {dimension * LANES}").text
+    with out.loop("block", blocks_of_orbits(out), together) as block:
+        used, steps = lanes_in_use(out, block, together), out.load_whole("%steps")
+        h = out.argument("%period") / out.result(f"sitofp i64 {steps} to double")
+        first = out.whole("mul", block, dimension * LANES)
         x, error = out.address("%x", first), out.address("%error", first)
-        with out.loop("cleared", dimension * LANES, out.width) as place:
+        with out.loop("cleared", out.whole("mul", whole_blocks(out, used), dimension * LANES), out.width) as place:
             out.store(out.as_vector(number(0.0)), out.address(error, place))
-        h = out.result(f"fdiv double %period, {out.result(f'sitofp i64 {steps} to double').text}")
         with out.loop("step", steps) as number_of_step:
             elapsed = out.result(f"sitofp i64 {number_of_step} to double") * h
             per_lane = per_step(out.argument("%start") + elapsed, h)
             with out.loop_over_lanes(used) as lane:
-                rows = [out.result(f"add i64 {lane}, {j * LANES}").text for j in components]
+                rows = _rows_of(out, lane, dimension)
                 states, errors = ([out.address(base, row) for row in rows] for base in (x, error))
                 after, local = per_lane([out.load(state, vector=True) for state in states])
                 for j in components:
@@ -158,16 +164,28 @@ def relative_errors(step: Step, dimension: int) -> Step:
     return of_function
 
 
+def _rows_of(out: Instructions, lane: str, dimension: int) -> list[str]:
+    """Return where the components of a vector of lanes are, given its first lane among those of several blocks."""
+    before = out.whole("mul", out.whole("ashr", lane, _SHIFT), (dimension - 1) * LANES)
+    first = out.whole("add", lane, before)
+    return [out.whole("add", first, j * LANES) for j in range(dimension)]
+
+
+def whole_blocks(out: Instructions, orbits: str) -> str:
+    """Return the number of blocks that orbits fill, the last one not always to its end."""
+    return out.whole("ashr", out.whole("add", orbits, LANES - 1), _SHIFT)
+
+
 def blocks_of_orbits(out: Instructions) -> str:
     """Return the number of blocks that the orbits fill."""
-    return out.whole("sdiv", out.whole("add", "%orbits", LANES - 1), LANES)
+    return whole_blocks(out, "%orbits")
 
 
-def lanes_in_use(out: Instructions, block: str) -> str:
-    """Return the number of orbits in a block."""
-    left = out.whole("sub", "%orbits", out.whole("mul", block, LANES))
-    fewer = out.result(f"icmp slt i64 {left}, {LANES}").text
-    return out.result(f"select i1 {fewer}, i64 {left}, i64 {LANES}").text
+def lanes_in_use(out: Instructions, block: str, together: int = 1) -> str:
+    """Return the number of orbits in some blocks, from one on."""
+    left, most = out.whole("sub", "%orbits", out.whole("mul", block, LANES)), together * LANES
+    fewer = out.result(f"icmp slt i64 {left}, {most}").text
+    return out.result(f"select i1 {fewer}, i64 {left}, i64 {most}").text
 
 
 def loaded_parameters(out: Instructions, parameters: int) -> list[Value]:
@@ -178,23 +196,20 @@ def loaded_parameters(out: Instructions, parameters: int) -> list[Value]:
 def _leave_if_nothing_is_finite(out: Instructions, x: str, step: str, dimension: int, used: str) -> None:
     """Look now and then whether a lane is finite: many steps are taken where few have failed, and there it is worth it.
 
-    The flag of a vector of lanes is set where all components are finite.
+    A lane is finite where all components are.
     """
-    place = out.result(f"and i64 {step}, {CHECKED - 1}").text
+    place = out.whole("and", step, CHECKED - 1)
     out.write(f"%checked = icmp eq i64 {place}, {CHECKED - 1}")
     out.write("br i1 %checked, label %look, label %step.end")
     out.label("look")
-    found: Value | None = None
-    for lane in range(0, LANES, out.width):
+    with out.loop("looked", used, out.width) as lane:
         whole: Value | None = None
-        for j in range(dimension):
-            size = out.intrinsic("fabs", out.load(out.address(x, j * LANES + lane), vector=True))
+        for row in _rows_of(out, lane, dimension):
+            size = out.intrinsic("fabs", out.load(out.address(x, row), vector=True))
             finite = out.compare("olt", size, number(float("inf")))
-            whole = finite if whole is None else out.logical("and", whole, finite)
+            whole = finite if whole is None else whole & finite
         assert whole is not None, "a system has components"
-        among = out.as_vector(Value(out.result(f"icmp slt i64 {lane}, {used}").text, flag=True))
-        whole = out.logical("and", whole, among)
-        found = whole if found is None else out.logical("or", found, whole)
-    assert found is not None
-    out.write(f"br i1 {out.over_lanes('or', found)}, label %step.end, label %block.end")
+        out.write(f"br i1 {out.over_lanes('or', whole)}, label %step.end, label %looked.end")
+        out.label("looked.unreached")
+    out.jump("block.end")
     out.label("unreached")

@@ -301,6 +301,14 @@ class Series:
         """Sum of a_i b_(k-i) over i from first to last."""
         return dot([(x, y) for _, x, y in self._pairs(a, b, first, last, k)])
 
+    def _slope(self, node: Expression, k: int) -> Coefficient:
+        """Return k times coefficient k of a node, of a state straight from its derivative."""
+        if node.operation == "state":
+            slope = self.at(self.trace.outputs[node.value], k - 1)
+            return None if slope is None else self.clock[1] * slope
+        term = self.at(node, k)
+        return term if term is None or k == 1 else float(k) * term
+
     def _weighted(self, a: Expression, b: Expression, last: int, k: int) -> Coefficient:
         """Sum of i a_i b_(k-i) over i from 1 to last: the convolution of the derivative of a with b."""
         pairs = self._pairs(a, b, 1, last, k)
@@ -346,8 +354,7 @@ class Series:
         (u,), partner = node.arguments, self._partners[node]
         weights = self._weights.setdefault(node, [])
         del weights[k - 1 :]
-        term = self.at(u, k)
-        weights.append(term if term is None or k == 1 else float(k) * term)
+        weights.append(self._slope(u, k))
         factors = [(w, k - i) for i, w in enumerate(weights, 1) if w is not None]
         del partner[k:]
         of_own, of_partner = (sign * self.out.reciprocal(k) for sign in _SIGNS[node.operation])
