@@ -305,10 +305,10 @@ def follow(point_map: PointMap, points: ArrayLike, periods: int, progress: bool 
     orbits.rotations[:] = 0
     label = f"{periods} periods of {point_map.name}" if progress else None
     parts = slices(len(orbits), CHUNK)
-    for number, images in completed(
-        range(len(parts)), lambda k: orbits[parts[k]], _Advanced(point_map, periods), client, label
-    ):
-        orbits[parts[number]] = images
+    work = _Advanced(point_map, periods, in_place=client is None)
+    for number, images in completed(range(len(parts)), lambda k: orbits[parts[k]], work, client, label):
+        if client is not None:
+            orbits[parts[number]] = images
     shape = initial_conditions.shape
     return Iterate(
         initial_conditions, orbits.rotations.reshape(shape), orbits.status.reshape(shape[:-1]), point_map.coordinates
@@ -317,13 +317,14 @@ def follow(point_map: PointMap, points: ArrayLike, periods: int, progress: bool 
 
 @dataclass(frozen=True, eq=False)
 class _Advanced:
-    """Work of a tile: orbits moved on by some periods."""
+    """Work of a tile: orbits moved on by some periods, `in_place` where they need not be kept for another worker."""
 
     point_map: PointMap
     periods: int
+    in_place: bool
 
     def __call__(self, orbits: Orbits) -> Orbits:
-        images = Orbits.joined([orbits])
+        images = orbits if self.in_place else Orbits.joined([orbits])
         self.point_map.advance(images, self.periods)
         return images
 

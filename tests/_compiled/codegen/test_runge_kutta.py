@@ -49,6 +49,22 @@ def test_vectors_without_an_orbit_are_left_alone(problems: Mapping[str, ForcedSy
     assert moved[0].all() and moved[1, :, : 2 * width].all() and not moved[1, :, 2 * width :].any()
 
 
+def test_blocks_that_step_together_are_those_alone(problems: Mapping[str, ForcedSystem]) -> None:
+    """Six of them, in two groups, the last with a lane that is lost and one block of nothing else."""
+    system, errors = problems["Duffing"], np.empty((6, 2, LANES))
+    kernel = flow_kernel(system.rhs, 2, tuple(system.params), "auto", 1e-9)
+    together = np.random.default_rng(0).normal(size=(6, 2, LANES))
+    together[4, 0, 3], together[5] = np.inf, np.nan
+    alone, parameters = together.copy(), np.array([float(v) for v in system.params.values()])
+    kernel.advance(together, np.full(6, 600), 0.0, system.length, parameters, errors)
+    for k in range(6):
+        each, sums = alone[k : k + 1], errors[k : k + 1].copy()
+        kernel.advance(each, np.array([600]), 0.0, system.length, parameters, sums)
+        assert np.array_equal(each[0], together[k], equal_nan=True)
+        assert np.array_equal(sums[0], errors[k], equal_nan=True) or k == 5
+    assert np.isfinite(together[4]).sum() == 2 * LANES - 2
+
+
 def branching(t: float, x: Any, p: Any) -> tuple[float, float]:
     """The same pendulum in a form that cannot be traced; its branch is never taken."""
     theta, v = x
