@@ -21,7 +21,7 @@ from .expression import UntraceableError, in_order
 from .filippov import SwitchingTrace, switching_trace
 from .in_memory import compiled_in_memory
 from .instructions import Instructions, Value
-from .methods import LARGE, Method, choose_method, series_work, taylor_method, taylor_order
+from .methods import LARGE, MOST_WORK, Method, choose_method, series_work, taylor_method, taylor_order
 from .own_steps import compiled_own_steps
 from .period import CompiledPeriod, PerLane, PerStep, Step, Values, compiled_period, compiled_rows, relative_errors
 from .runge_kutta import called_steps
@@ -97,7 +97,7 @@ def flow_kernel(
     """Compile the period of a flow with a method of that name, from its trace or, if not `symbolic`, as it is."""
     traced = traced_function(rhs, dimension, names) if symbolic else None
     large = dimension > LARGE
-    chosen = choose_method(method, traced, rtol, large)
+    chosen = choose_method(method, traced, rtol, large, MOST_WORK)
     if traced is None:
         tableau = chosen.tableau
         assert tableau is not None, "only traced right-hand sides have series"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import log10
+from math import isqrt, log10
 
 from .expression import Expression, in_order
 from .functions import TABLE
@@ -56,6 +56,10 @@ ROSENBROCK = Method("Rosenbrock", rosenbrock_steps, 1, stretch=(2.0, 0.0), own_s
 """For stiff right-hand sides."""
 
 _MUCH_WORK = 8  # products of series a step, up to which series are worth their work
+MOST_WORK = 32
+"""Products of series up to which they are worth it for states alone."""
+
+_LONGEST_STEP = 3600  # products of terms: a step of more leaves the first cache of instructions
 _MANY_SERIES = 256
 
 
@@ -80,10 +84,13 @@ LARGE = 16
 """States beyond which steps of traced right-hand sides are loops over states in memory, and none are series."""
 
 
-def choose_method(name: str, trace: Trace | None, rtol: float, large: bool = False) -> Method:
+def choose_method(
+    name: str, trace: Trace | None, rtol: float, large: bool = False, most_work: int = _MUCH_WORK
+) -> Method:
     """Return the method of that name; "auto" takes the cheaper of Taylor and DOP853 for this right-hand side.
 
-    For a `large` system it takes DOP853, whose code does not grow with the number of states.
+    For a `large` system it takes DOP853, whose code does not grow with the number of states, and for one of more work
+    for series than the most.
 
     Raises
     ------
@@ -95,7 +102,7 @@ def choose_method(name: str, trace: Trace | None, rtol: float, large: bool = Fal
     if name == "auto":
         name = (
             "Taylor"
-            if analytic and not large and trace is not None and _is_entire(trace) and series_work(trace) <= _MUCH_WORK
+            if analytic and not large and trace is not None and _shows_all(trace) and series_work(trace) <= most_work
             else "DOP853"
         )
     if name == "Taylor":
@@ -104,7 +111,8 @@ def choose_method(name: str, trace: Trace | None, rtol: float, large: bool = Fal
                 "method='Taylor' needs a right-hand side of +, -, *, /, powers and analytic functions of math, without "
                 "branches on the state: use method='DOP853'"
             )
-        return taylor_method(taylor_order(rtol))
+        longest = isqrt(_LONGEST_STEP // max(1, series_work(trace)))
+        return taylor_method(max(8, min(taylor_order(rtol), longest)))
     if name == "Rosenbrock":
         if trace is None or trace.has_branches:
             raise ValueError(
@@ -114,21 +122,25 @@ def choose_method(name: str, trace: Trace | None, rtol: float, large: bool = Fal
     return _runge_kutta(_TABLEAUS[name]())
 
 
-def _is_entire(trace: Trace) -> bool:
-    """Whether state and time enter through products and sines alone, whose series hide nothing.
+def _shows_all(trace: Trace) -> bool:
+    """Whether state and time enter through products and sines alone, whose series hide nothing, and quotients of them.
 
     A series sees the function at one point.  Where tanh is saturated, or at the foot of a narrow bell, all of its
-    coefficients vanish and a step may pass over what lies ahead; a Runge-Kutta step looks at a dozen places.
+    coefficients vanish and a step may pass over what lies ahead; a Runge-Kutta step looks at a dozen places.  What
+    divides may contain states in sines, as inertia of linkages does: with it there are no bells far from the origin.
     """
-    levels = trace.levels()
+    levels, turning = trace.levels(), set[Expression]()
     plain = {"add", "sub", "mul", "neg", "state", "time"}
-    return all(
-        level == CONSTANT
-        or node.operation in plain
-        or (node.operation in TABLE and TABLE[node.operation].is_entire)
-        or (node.operation == "div" and levels[node.arguments[1]] == CONSTANT)
-        for node, level in levels.items()
-    )
+    for node in in_order(trace.outputs):
+        level, operation = levels[node], node.operation
+        is_entire = operation in TABLE and TABLE[operation].is_entire
+        known = all(a in turning for a in node.arguments) and bool(node.arguments)
+        if level == CONSTANT or (level == STATEFUL and (is_entire or known)):
+            turning.add(node)
+        divides = operation == "div" and node.arguments[1] in turning
+        if not (level == CONSTANT or operation in plain or is_entire or divides):
+            return False
+    return True
 
 
 def series_work(trace: Trace) -> int:

@@ -11,8 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cellmap import ForcedSystem
-from cellmap._compiled.codegen.kernel import flow_kernel, traced_function
-from cellmap._compiled.codegen.methods import choose_method, taylor_order
+from cellmap._compiled.codegen.kernel import flow_kernel, frame_kernel, traced_function
+from cellmap._compiled.codegen.methods import MOST_WORK, choose_method, taylor_order
 from cellmap._compiled.codegen.period import compiled_period
 from cellmap._compiled.codegen.taylor import taylor_steps
 from cellmap._compiled.codegen.trace import Trace, parameter_record, trace
@@ -103,6 +103,36 @@ def test_auto_takes_the_cheaper_method(problems: Mapping[str, ForcedSystem]) -> 
     assert chosen["pendulum, 3 mm"] == chosen["Duffing"] == "Taylor"
     assert chosen["double pendulum"] == "DOP853"
     assert choose_method("auto", None, 1e-9).name == "DOP853"
+
+
+@pytest.mark.parametrize(
+    ("divisor", "method"),
+    [
+        (lambda t, x: 2.0 - math.cos(x[0]) ** 2, "Taylor"),
+        (lambda t, x: 2.0, "Taylor"),
+        (lambda t, x: 1.0 + 1e4 * x[0] ** 2, "DOP853"),
+        (lambda t, x: 1.1 + math.cos(t), "DOP853"),
+    ],
+    ids=["inertia", "number", "bell", "pulse"],
+)
+def test_series_divide_by_what_turns(divisor: Any, method: str) -> None:
+    """By the inertia of linkages, and not by what may be a narrow bell or pulse."""
+    traced = traced_function(lambda t, x, p: (x[1], (math.cos(t) - math.sin(x[0])) / divisor(t, x)), 2, ())
+    assert choose_method("auto", traced, 1e-9).name == method
+
+
+def test_states_alone_are_expanded_up_to_more_work(problems: Mapping[str, ForcedSystem]) -> None:
+    """The series of a double pendulum cost less than Runge-Kutta steps, those of its derivatives more.
+
+    Their order is so low that a step stays in the cache of instructions.
+    """
+    system = problems["double pendulum"]
+    traced = traced_function(system.rhs, 4, tuple(system.params))
+    assert [choose_method("auto", traced, rtol, False, MOST_WORK).estimate_order for rtol in (1e-6, 1e-12)] == [11, 11]
+    assert flow_kernel(system.rhs, 4, tuple(system.params), "auto", 1e-9).method == "Taylor"
+    found = frame_kernel(system.rhs, 4, tuple(system.params), 1e-9)
+    assert found is not None
+    assert found[0].method == "DOP853"
 
 
 def test_what_has_no_series_is_refused() -> None:
