@@ -106,7 +106,7 @@ def choose_method(
             else "DOP853"
         )
     if name == "Taylor":
-        if not analytic:
+        if trace is None or not analytic:
             raise ValueError(
                 "method='Taylor' needs a right-hand side of +, -, *, /, powers and analytic functions of math, without "
                 "branches on the state: use method='DOP853'"
