@@ -36,8 +36,8 @@ CHECKED = 256
 """Steps between two looks at whether any lane of a block is still finite."""
 
 _TOGETHER, _ROWS = 4, 32
-"""Blocks that step together, so that what lanes have in common is computed for more of them, and components of all these:
-as many as stay in the first cache."""
+"""Blocks that step together, so that what lanes have in common is computed for more of them, and components of all
+these: as many as stay in the first cache."""
 
 NO_LENGTH = 1e-290  # of a vector that has vanished, and has no error
 
