@@ -256,7 +256,7 @@ def tipping(tipping: TippingProbabilities, *, ax: Axes | None = None) -> Axes:
     >>> plot.tipping(tipping_probabilities([0, 0, 1, 1], [0, 1, 1, -3])).get_xlabel()
     'after'
     """
-    ax = axes_or_new(ax, (6.0, 4.5))
+    ax = axes_or_new(ax, (3.0 + 1.2 * max(len(tipping.after), 2), 1.7 + 0.7 * max(len(tipping.before), 4)))
     ax.imshow(tipping.probabilities, vmin=0.0, vmax=1.0, cmap="Blues", aspect="auto")
     for (row, column), fraction in np.ndenumerate(tipping.probabilities):
         if np.isfinite(fraction):
