@@ -19,6 +19,7 @@ of derivatives the system is a discrete map.  How formulas may be written is sai
 from __future__ import annotations
 
 import ast
+import functools
 import itertools
 import os
 import re
@@ -112,8 +113,12 @@ def typed_system(text: str, title: str = "typed") -> Explored:
     return Explored(title, lambda: system, source=source)
 
 
+@functools.lru_cache(maxsize=64)
 def _built(source: str) -> ForcedSystem | PointMap:
-    """Return the system of a program that has been written here."""
+    """Return the system of a program that has been written here, the same one for the same program.
+
+    What is compiled for a system is kept with it: pages that give the same equations share it.
+    """
     names: dict[str, Any] = {}
     exec(compile(source, "<equations>", "exec"), names)
     return names["system"]

@@ -137,7 +137,7 @@ class GrowingCurve:
         for _ in range(_LEVELS):
             for _ in self.growth.shifts:
                 self.history.append(self._next())
-            resolved = self._refine()
+            resolved = self._refine(longest - total)
             newest = self.history[-1]
             if not np.isfinite(newest).any():
                 ended = "no image"
@@ -200,11 +200,15 @@ class GrowingCurve:
         pieces = np.linalg.norm(np.diff(points, axis=0) / self.unit, axis=1)
         return float(pieces[near[1:] & near[:-1]].sum())
 
-    def _refine(self) -> bool:
-        """Put in points until neighbours are close and the curve is straight between them; tell whether it is."""
+    def _refine(self, rest: float) -> bool:
+        """Put in points until neighbours are close and the curve is straight between them; tell whether it is.
+
+        The newest piece may be as much longer than the one before as the saddle stretches: what lies behind the
+        ``rest`` of the length is left as it is.
+        """
         resolved = True
         for _ in range(_ROUNDS):
-            coarse = self._coarse(self.history[-1])
+            coarse = self._coarse(self.history[-1], rest)
             middle = 0.5 * (self.places[:-1] + self.places[1:])
             possible = coarse & (middle > self.places[:-1]) & (middle < self.places[1:])
             resolved = bool((possible == coarse).all())
@@ -218,8 +222,11 @@ class GrowingCurve:
             self.history = [np.insert(a, gaps + 1, b, axis=0) for a, b in zip(self.history, fresh, strict=True)]
         return resolved
 
-    def _coarse(self, points: Floats) -> Bools:
-        """Return which pieces between neighbours are too long or too bent, where the curve is near the window."""
+    def _coarse(self, points: Floats, rest: float) -> Bools:
+        """Return which pieces between neighbours are too long or too bent, where the curve is near the window.
+
+        Of those within the first ``rest`` of its length: chords are no longer than the curve, so that none is left out.
+        """
         near = self._near(points)
         piece = np.diff(points, axis=0) / self.unit
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -230,6 +237,8 @@ class GrowingCurve:
             bent[1:] |= sharp
             bent[:-1] |= sharp
             coarse = (size > self.spacing) | (bent & (size > _SHORTEST * self.spacing))
+        lengths = np.where(near[1:] & near[:-1], size, 0.0)
+        coarse &= np.cumsum(lengths) - lengths < rest
         return np.asarray(coarse & (near[:-1] | near[1:]) & np.isfinite(size))
 
     def _joined(self, points: Floats, longest: float) -> tuple[Floats, Floats]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi, sqrt
+from math import cos, pi, sqrt
 from typing import Any
 
 import matplotlib as mpl
@@ -25,6 +25,7 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap.analysis.boundary import boundary_distance, saddle_manifold
+from cellmap.analysis.boundary.curve_growth import GrowingCurve, ManifoldBranch
 from cellmap.maps import inverse_stroboscopic_map
 from cellmap.maps.coordinates import wrap
 from cellmap.orbits import OrbitKind
@@ -279,6 +280,29 @@ def test_the_cat_map_winds_its_manifolds_round_the_torus(kind: str, by_inverse: 
     if kind == "stable" and not by_inverse:
         with pytest.raises(ValueError, match="give the inverse map"):
             saddle_manifold(cat, periodic_orbit(cat, [0.2, 0.4], 2), kind, window)
+
+
+def test_no_more_of_a_curve_is_computed_than_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One image of the segment winds 400 times round the circle: y is a sum over the earlier places of its points."""
+    counts = []
+    grow = GrowingCurve.grow
+
+    def counted(curve: GrowingCurve, longest: float) -> ManifoldBranch:
+        branch = grow(curve, longest)
+        counts.append(len(curve.places))
+        return branch
+
+    monkeypatch.setattr(GrowingCurve, "grow", counted)
+    winding = discrete_map(lambda x, p: (2e4 * x[0], x[1] / 2 + cos(x[0]) / 10), {}, (angle("theta"), "y"))
+    saddle = periodic_orbit(winding, [0.0, 0.2])
+    found = saddle_manifold(winding, saddle, "unstable", CellGrid((-pi, -1), (pi, 1), (1, 1)), 12.0)
+    places = 2e4 ** -np.arange(1.0, 60.0)
+    for branch in found.branches:
+        theta, y = branch.points.T
+        assert branch.ended == "length"
+        assert 11.9 < branch.length <= 12.0
+        assert np.abs(y - (np.cos(theta[:, None] * places) * 0.5 ** np.arange(59)).sum(axis=1) / 10).max() < 1e-11
+    assert max(counts) < 1.1 * len(found.branches[0].points)
 
 
 def test_what_it_refuses() -> None:
