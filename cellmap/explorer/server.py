@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mimetypes
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,9 +10,9 @@ from typing import Any
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
-from starlette.responses import FileResponse, Response
+from starlette.requests import Request
+from starlette.responses import Response
 from starlette.routing import BaseRoute, Mount, Route, Router, WebSocketRoute
-from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
@@ -117,14 +118,21 @@ def application(
         if not await refused(socket):
             await broadcast.watched(socket)
 
-    files = StaticFiles(directory=PAGE, html=True)
-    own = Router([WebSocketRoute("/connection", connected), Mount("/", files)])
+    files = {file.name: file.read_bytes() for file in PAGE.iterdir()}
+
+    def file_of(request: Request) -> Response:
+        """Return a file of the page from memory, so that none is open when the server ends."""
+        name = request.path_params["name"] or "index.html"
+        if name not in files:
+            return Response("not found", 404, media_type="text/plain")
+        return Response(files[name], media_type=mimetypes.guess_type(name)[0])
+
+    pages = Route("/{name:path}", file_of)
+    own = Router([WebSocketRoute("/connection", connected), pages])
     routes: list[BaseRoute] = [Mount(f"/{token}", _ThisMachine(own))]
     if shared is not None:
-        page = Route("/", lambda request: FileResponse(PAGE / "watch.html"))
-        routes.append(
-            Mount(f"/{shared.token}", Router([page, WebSocketRoute("/connection", watched), Mount("/", files)]))
-        )
+        page = Route("/", lambda request: Response(files["watch.html"], media_type="text/html"))
+        routes.append(Mount(f"/{shared.token}", Router([page, WebSocketRoute("/connection", watched), pages])))
     return Starlette(
         routes=routes,
         middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=list(hosts)), Middleware(_Headers)],

@@ -138,10 +138,14 @@ def test_sweeps_have_the_measures_of_the_branch_that_they_follow(resonance: Bran
 
 
 def test_chaotic_motion_dissipates_what_the_force_gives_it() -> None:
+    """Over 20 periods: rounding errors are 1e-7 after these, and 1 after 40.
+
+    The motion does not return, so that a mean of samples has an error from its two ends, 1 / 20 of 3e-5.
+    """
     wells = duffing_oscillator(damping=0.2, linear=-1.0, forcing=0.3, frequency=1.0)
     exact = stroboscopic_map(wells, rtol=1e-11, atol=1e-11)
     diagram = bifurcation_diagram(
-        exact, "forcing", [0.3], [0.1, 0.2], "none", periods=40, longest_period=9, exponents=False
+        exact, "forcing", [0.3], [0.1, 0.2], "none", periods=20, longest_period=9, exponents=False
     )
     assert diagram.period[0, 0] == 0
     lost, given = (
@@ -151,7 +155,7 @@ def test_chaotic_motion_dissipates_what_the_force_gives_it() -> None:
     points = diagram.points[0, 0]
     x, v = np.array([points[0], exact(points[-1])]).T
     first, last = 0.5 * v**2 - 0.5 * x**2 + 0.25 * x**4
-    assert lost == pytest.approx(given - (last - first) / (40 * 2.0 * pi), abs=1e-6)
+    assert lost == pytest.approx(given - (last - first) / (20 * 2.0 * pi), abs=2e-6)
     times = np.linspace(0.0, 2.0 * pi, 2001)
     each = [solve_ivp(wells.fun, (0.0, 2 * pi), y, "DOP853", times, rtol=1e-10, atol=1e-10).y[0] for y in points]
     assert diagram.measure("x")[0, 0] == pytest.approx(np.max(each), abs=3e-5)
