@@ -22,8 +22,8 @@ from .family import Family, Member
 from .initial_conditions import InitialConditions
 from .refining import BasinFrame, refinement
 
-_PREVIEWED = 2  # strides that are drawn before anything is verified, and, where a table's error is known, finer ones
-_SOON = 2**16  # with as many initial conditions, which take a hundredth of a second: more delay what is verified
+_PREVIEWED = 2  # strides that are drawn before anything is verified, all where a table's error is known
+_SOON = 2**16  # of images of so many initial conditions, which take a hundredth of a second: more delay what is verified
 _NOTHING = 2**62  # stride of an image in which nothing is labelled
 
 
@@ -241,9 +241,8 @@ class LiveBasins:
 
     def _previewed(self, place: Member, places: InitialConditions) -> int:
         """Return how many strides of an image are drawn before anything is verified."""
-        strides = self._stride.bit_length()
-        soon = (k for k in range(strides) if len(places) <= _SOON << (k * len(places.shape)))
-        return max(_PREVIEWED, strides - next(soon, strides)) if place.combined else _PREVIEWED
+        every = place.combined and len(places) <= _SOON
+        return self._stride.bit_length() if every else _PREVIEWED
 
     def _identified(self, frame: BasinFrame, place: Member) -> LiveFrame:
         """Return a frame with the identities of its attractors, and the news since the last complete frame."""
