@@ -1,4 +1,4 @@
-"""Types of arrays, of any shape."""
+"""Types of arrays, of any shape, and a choice of their rows."""
 
 from __future__ import annotations
 
@@ -11,3 +11,14 @@ Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 Bools: TypeAlias = NDArray[np.bool_]
 Complexes: TypeAlias = NDArray[np.complex128]
+
+
+def evenly(number: int, most: int) -> Ints:
+    """Return at most so many of the numbers of rows, evenly spread, in rising order.
+
+    Examples
+    --------
+    >>> evenly(10, 4), evenly(2, 4), evenly(0, 4)
+    (array([0, 3, 6, 9]), array([0, 1]), array([], dtype=int64))
+    """
+    return np.unique(np.linspace(0, number - 1, min(number, most)).round().astype(np.int64))

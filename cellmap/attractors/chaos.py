@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._lib.arrays import Bools, Floats, Ints
+from .._lib.arrays import Bools, Floats, Ints, evenly
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
@@ -37,7 +37,9 @@ BOXES = 64
 """Boxes along each axis of the bounding box of a sample of points."""
 
 _SAMPLE_PERIODS = 1000
-_ORBITS = 32
+ORBITS = 32
+"""Orbits that are followed or tested, at most."""
+
 _FLAT = 1e-3  # least width of all boxes together, in units of the extent: rounding must not tell orbits apart
 _LONGEST_RETURN = 128
 _FINEST = 16  # times as many boxes along each axis where covers of two attractors hold the orbits of each other
@@ -87,7 +89,7 @@ def examine(
     to another attractor, or if any of those that came `late` to attractors that are not chaotic was in chaos there,
     halfway.  The size of the region of interest is 1 by default.
     """
-    chosen = states[evenly(len(states))]
+    chosen = states[evenly(len(states), ORBITS)]
     reach = np.ones(point_map.dimension) if extent is None else extent
     _, reasons = tested(point_map, chosen, reach, EXPONENT_PERIODS)
     chaotic = reasons == Reason.TRANSIENT
@@ -152,7 +154,7 @@ def one_attractor(
 
 def with_exponents(point_map: PointMap, attractor: Attractor, ends: Floats, extent: Floats) -> Attractor | None:
     """Return an attractor with the exponents of 32 of the orbits that have come to it; None if one is not chaotic."""
-    exponents, doubts = tested(point_map, ends[evenly(len(ends))], extent, _SAMPLE_PERIODS)
+    exponents, doubts = tested(point_map, ends[evenly(len(ends), ORBITS)], extent, _SAMPLE_PERIODS)
     if (doubts != Reason.TRANSIENT).any():
         return None
     return replace(attractor, exponents=-np.sort(-exponents, axis=-1).mean(axis=0))
@@ -221,11 +223,6 @@ def _fading(point_map: PointMap, clouds: Clouds, group: Ints, late: Late, known:
         growth = _spectrum(point_map, half[rows], np.ones(point_map.dimension), HALF)[0].max(axis=-1)
         rows = rows[growth > 0.0]  # others are on their way to an attractor beside the sample
     return np.unique(place[rows])
-
-
-def evenly(number: int, most: int = _ORBITS) -> Ints:
-    """Return some of as many rows, evenly spread."""
-    return np.unique(np.linspace(0, number - 1, most).round().astype(int))
 
 
 def tested(

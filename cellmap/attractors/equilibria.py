@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._compiled.kernels.capture import AT_REST
-from .._lib.arrays import Bools, Floats, Ints
+from .._lib.arrays import Bools, Floats, Ints, evenly
 from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
@@ -107,7 +107,7 @@ def _explored(exact: PointMap, place: Floats, extent: Floats, region: Floats) ->
     centres = wrap(place + boxes * widths, exact.coordinates)
     with np.errstate(divide="ignore"):
         exponents = np.log(np.abs(multipliers))
-    sample = centres[np.unique(np.linspace(0, len(centres) - 1, _SAMPLE).round().astype(int))]
+    sample = centres[evenly(len(centres), _SAMPLE)]
     steps = np.array(list(itertools.product(*[(-1, 0, 1) if w else (0,) for w in wide])))
     grown = moved_boxes(boxes, steps, around)
     places = wrap(place + grown * widths, exact.coordinates)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .._lib.arrays import Bools, Floats, Ints
+from .._lib.arrays import Bools, Floats, Ints, evenly
 from ..maps.coordinates import Coordinate, difference
 from ..maps.point_map import PointMap
 from ..orbits.newton import newton, resolution, return_distances
@@ -141,7 +141,7 @@ def guesses_of(
     derivative costs many periods, the first ones are ends whose orbits have closed by themselves, one of each orbit.
     """
     many = point_map.dimension > SAMPLED
-    ends = states[np.unique(np.linspace(0, len(states) - 1, LOOKED_AT).round().astype(np.int64))]
+    ends = states[evenly(len(states), LOOKED_AT)]
     distance = examined.return_distances(point_map, ends, longest_period)
     if many:
         yield from _closed(ends, distance, extent)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._lib.arrays import Floats, Ints
+from .._lib.arrays import Floats, Ints, evenly
 from .._lib.checks import affordable_number, warn_caller, whole_number
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
@@ -20,7 +20,7 @@ from ..maps.small_states import warn_of_small_states_ahead
 from ..orbits.attractor import Attractor, Kind, Neighbourhood, sort_key
 from ..orbits.newton import stable_orbit
 from .boxes import inside_cover
-from .chaos import Examination, evenly, examine
+from .chaos import ORBITS, Examination, examine
 from .continua import closed_orbits, continua, joined_continua
 from .creeping import creeping, drawn_to
 from .equilibria import sticking_sets
@@ -291,7 +291,7 @@ def _crept_to(
     point_map: PointMap, states: Floats, extent: Floats, known: Sequence[Attractor], examined: Examined
 ) -> list[Attractor]:
     """Return the continua to which some orbits creep, found from where they would come to rest."""
-    some = states[evenly(len(states))]
+    some = states[evenly(len(states), ORBITS)]
     some = some[drawn_to(point_map, some, known) < 0]
     slow = creeping(point_map.without_table, some, extent)
     ends = slow.ends[slow.found]

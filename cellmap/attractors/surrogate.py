@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .._lib.arrays import Floats
+from .._lib.arrays import Floats, evenly
 from ..maps.coordinates import turns_of
 from ..maps.grid import CellGrid
 from ..maps.interpolation.drafts import draft_of
@@ -15,7 +15,7 @@ from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..maps.side_by_side import advance_on_threads
 from ..orbits.attractor import Attractor
-from .chaos import MATURE, evenly, one_attractor, returns, with_exponents
+from .chaos import MATURE, ORBITS, one_attractor, returns, with_exponents
 from .labels import Label
 from .settling import Catalogue, settle
 from .transients import Late
@@ -46,7 +46,7 @@ def only_attractor(
     """
     if point_map.dimension > 2:
         return None
-    sample = Orbits.starting(points[evenly(len(points))])
+    sample = Orbits.starting(points[evenly(len(points), ORBITS)])
     advance_on_threads(point_map.advance, sample, max(MATURE - age, 0))
     if not sample.alive.all():
         return None

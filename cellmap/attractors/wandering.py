@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._lib.arrays import Floats, Ints
+from .._lib.arrays import Floats, Ints, evenly
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
-from .chaos import BOXES, EXPONENT_PERIODS, evenly, lattice, tested
+from .chaos import BOXES, EXPONENT_PERIODS, ORBITS, lattice, tested
 from .clouds import Clouds, pieces_of
 from .settling import path_of
 from .transients import Reason
@@ -25,7 +25,7 @@ def are_chaotic(point_map: PointMap, points: Floats, extent: Floats) -> bool:
 
     Eight of them are tried first, which show most often that they are not.
     """
-    chosen = points[evenly(len(points))]
+    chosen = points[evenly(len(points), ORBITS)]
     first = np.isin(np.arange(len(chosen)), evenly(len(chosen), _FIRST))
     return all(
         (tested(point_map, some, extent, EXPONENT_PERIODS, unanimous=True)[1] == Reason.TRANSIENT).all()
@@ -41,7 +41,7 @@ def representatives(point_map: PointMap, points: Floats, extent: Floats) -> Ints
     for on one set all have the same future on average.  Those that are on none are kept, too.
     """
     everyone = np.arange(len(points))
-    orbits = Orbits.starting(points[evenly(len(points))])
+    orbits = Orbits.starting(points[evenly(len(points), ORBITS)])
     history = path_of(point_map, orbits, _SAMPLED)
     if len(points) < FEWEST or not orbits.alive.all():
         return everyone

@@ -8,7 +8,7 @@ from math import pi
 
 import numpy as np
 
-from .._lib.arrays import Floats
+from .._lib.arrays import Floats, evenly
 from .._lib.checks import warn_caller
 from ..attractors.creeping import creeping
 from ..attractors.labels import LABEL_NAMES, Label
@@ -22,7 +22,7 @@ from ..maps.point_map import PointMap
 from ..maps.stroboscopic import MAX_STEPS, Stroboscopic
 from ..orbits.attractor import Attractor, distinct_names
 from ..orbits.invariant_circle import drift
-from .initial_conditions import InitialConditions, spread
+from .initial_conditions import InitialConditions
 from .record import Basins, fractions_of
 
 _MANY = 0.05  # fraction of the initial conditions from which there is a warning
@@ -143,7 +143,7 @@ def _undecided(basins: Basins, point_map: PointMap) -> tuple[Orbits, Floats]:
     undecided = np.flatnonzero(basins.labels.ravel() == Label.UNDECIDED)
     places = InitialConditions(basins.grid, basins.initial_conditions)
     region = _region(basins)
-    orbits = Orbits.starting(places.wrapped(undecided[spread(len(undecided), _TRIED)], point_map))
+    orbits = Orbits.starting(places.wrapped(undecided[evenly(len(undecided), _TRIED)], point_map))
     point_map.advance(orbits, basins.settings["max_periods"])
     return orbits, region_extent(point_map, region)
 
@@ -221,13 +221,13 @@ def _region(basins: Basins) -> Floats:
     if basins.grid is not None:
         return np.array([basins.grid.lower, basins.grid.upper])
     places = InitialConditions(None, basins.initial_conditions)
-    return places.points(spread(len(places), _SAMPLE))
+    return places.points(evenly(len(places), _SAMPLE))
 
 
 def _some(basins: Basins, label: Label) -> Floats:
     """Return a few of the initial conditions with a label."""
     rows = np.flatnonzero(basins.labels.ravel() == label)
-    return InitialConditions(basins.grid, basins.initial_conditions).points(rows[spread(len(rows), _TRIED)])
+    return InitialConditions(basins.grid, basins.initial_conditions).points(rows[evenly(len(rows), _TRIED)])
 
 
 def _attracted(point_map: PointMap, points: Floats, periods: int) -> int:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._lib.arrays import Floats
+from .._lib.arrays import Floats, evenly
 from .._lib.checks import finite_number, whole_number
 from .._lib.files import as_target, locked
 from .._lib.signatures import checked
@@ -24,7 +24,7 @@ from ..maps.small_states import ORBITS, warn_of_small_states_ahead
 from ..orbits.attractor import Attractor
 from .coarse_labels import audited_basins
 from .doubts import warn_of_doubts
-from .initial_conditions import InitialConditions, spread
+from .initial_conditions import InitialConditions
 from .record import Basins
 from .run import Run, label_store, new_numbers
 
@@ -174,7 +174,7 @@ def find_basins(
         store = label_store(point_map, places, settings, attractors, path)
         if (finished := store.finished()) is not None:
             return replace(finished, point_map=point_map)
-        warn_of_small_states_ahead(point_map, places.points(spread(len(places), ORBITS)))
+        warn_of_small_states_ahead(point_map, places.points(evenly(len(places), ORBITS)))
         run = Run(point_map, places, store, max_periods, longest_period, client, progress, Stop(limit))
         for _ in run.tiles(attractors):
             pass

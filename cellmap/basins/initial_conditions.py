@@ -159,8 +159,3 @@ class Rows:
         begin = block * BLOCK
         packed = self.bits[begin // 8 : begin // 8 + BLOCK // 8]
         return begin + np.flatnonzero(np.unpackbits(packed, count=min(BLOCK, self.total - begin)))
-
-
-def spread(number: int, most: int) -> Ints:
-    """Return at most so many of the numbers of rows, evenly spread."""
-    return np.unique(np.linspace(0, number - 1, most).round().astype(np.int64))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
@@ -124,7 +125,7 @@ def application(
         """Return a file of the page from memory, so that none is open when the server ends."""
         name = request.path_params["name"] or "index.html"
         if name not in files:
-            return Response("not found", 404, media_type="text/plain")
+            raise HTTPException(404)
         return Response(files[name], media_type=mimetypes.guess_type(name)[0])
 
     pages = Route("/{name:path}", file_of)

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .._lib.arrays import Floats
+from .._lib.arrays import Floats, evenly
 from .._lib.checks import warn_caller
 from .compiled_advance import FlowAdvance, recorded
 from .orbit_batch import Orbits
@@ -38,7 +38,7 @@ def warn_of_small_states_ahead(point_map: PointMap, points: Floats) -> None:
     atol = motion.atol.copy()
     atol[kept] = _RELATIVE
     exact = replace(advance, motion=replace(motion, atol=atol, max_steps=min(motion.max_steps, _STEPS)))
-    chosen = points[np.linspace(0, len(points) - 1, min(ORBITS, len(points))).round().astype(int)]
+    chosen = points[evenly(len(points), ORBITS)]
     orbits = Orbits.starting(chosen.copy())
     path = np.concatenate([chosen[None], *(places for places, _, _ in recorded(exact, orbits, _PERIODS))])
     sizes = np.abs(path[:, :, kept])

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order
 
-from .._lib.arrays import Bools, Floats, Ints
+from .._lib.arrays import Bools, Floats, Ints, evenly
 from .._lib.checks import whole_number
 from .._lib.signatures import checked
 from ..attractors.search import find_attractors
@@ -224,5 +224,5 @@ def find_attractors_by_subdivision(
 
 def _spread(boxes: BoxSet, most: int) -> Floats:
     """Return the centres of boxes, or of some of them at even distances in their order."""
-    chosen = np.unique(np.linspace(0, len(boxes) - 1, min(most, len(boxes))).round().astype(np.int64))
+    chosen = evenly(len(boxes), most)
     return BoxSet(boxes.grid, boxes.keys[chosen]).centres()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._lib.arrays import Bools, Floats, Ints
+from ..._lib.arrays import Bools, Floats, Ints, evenly
 from ..._lib.checks import finite_number, whole_number
 from ..._lib.signatures import checked
 from ..._lib.threads import slices
@@ -186,7 +186,7 @@ def wada_grid(
     around = seen[edge]
     boxes, used = look.refine(around, *segments, refinements, max_points)
     seen[edge] = around
-    sample = np.unique(np.linspace(0, len(edge) - 1, min(len(edge), _SAMPLE)).round().astype(np.int64))
+    sample = evenly(len(edge), _SAMPLE)
     begin, way = (a[sample] for a in segments)
     begin, way, ends, halved = look.halve(begin, way, image.numbers.ravel()[edge[sample]])
     closer, more = look.refine(ends, begin, way, refinements, max_points)
