@@ -1,8 +1,9 @@
-"""Available memory of the machine, and of the container in which the process runs."""
+"""Memory of the machine that is available, in the container where the process runs, and what the process gives back."""
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 from pathlib import Path
 
 _GROUPS = Path("/sys/fs/cgroup")
@@ -20,6 +21,19 @@ def memory_available() -> int:
     import psutil
 
     return max(0, min([psutil.virtual_memory().available, *_left_in_groups()]))
+
+
+def give_back_memory() -> bool:
+    """Return to the system what the C library keeps of memory that was freed, and tell whether it can.
+
+    The GNU library keeps free pages between those in use, in each thread's arena: after an hour of images of many sizes
+    they are a quarter of the process.
+    """
+    try:
+        trim = ctypes.CDLL(None).malloc_trim
+    except (AttributeError, OSError, TypeError):  # another C library, another system
+        return False
+    return bool(trim(ctypes.c_size_t(0)))
 
 
 def _left_in_groups() -> list[int]:

@@ -15,6 +15,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from .._lib.checks import whole_number
+from .._lib.memory import give_back_memory
 from .._lib.signatures import checked
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
@@ -26,6 +27,7 @@ HERE = "127.0.0.1"
 MOST_WATCHERS = 1000
 
 _STARTING = 20.0  # seconds
+_GIVING_BACK = 30.0  # seconds between two returns of free memory, which take milliseconds
 
 
 class Explorer:
@@ -72,6 +74,12 @@ class Explorer:
             if not self._thread.is_alive() or time.monotonic() - begin > _STARTING:
                 raise RuntimeError(f"the explorer did not start at {self.address}: its log says why")
             time.sleep(0.01)
+        threading.Thread(target=self._give_back, name="memory", daemon=True).start()
+
+    def _give_back(self) -> None:
+        while self._thread.is_alive():
+            self._thread.join(_GIVING_BACK)
+            give_back_memory()
 
     def close(self) -> None:
         """End the server and all connections."""

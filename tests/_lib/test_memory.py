@@ -13,7 +13,7 @@ import pytest
 
 import cellmap._lib.memory
 from cellmap import CellGrid, certify, discrete_map, find_attractors, find_basins, interpolated_map
-from cellmap._lib.memory import memory_available
+from cellmap._lib.memory import give_back_memory, memory_available
 from cellmap.analysis.boundary import chaotic_saddle, edge_orbit, escape_rate
 from cellmap.analysis.fractal import (
     basin_entropy,
@@ -38,6 +38,22 @@ def cubic():
 
 
 # --- what is free
+
+
+def test_what_was_freed_below_what_is_used_is_given_back() -> None:
+    """The C library by itself gives back the end of its heap alone, and large arrays."""
+    process = psutil.Process()
+    pieces = [np.ones(8000) for _ in range(3000)]  # 64 kB each, 183 MiB together
+    last, full = pieces[-1], process.memory_info().rss
+    del pieces
+    if give_back_memory():
+        assert process.memory_info().rss < full - 150 * 2**20
+    assert last[0] == 1.0
+
+
+def test_a_library_that_gives_nothing_back_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cellmap._lib.memory.ctypes, "CDLL", lambda name: object())
+    assert give_back_memory() is False
 
 
 def control_groups(monkeypatch: pytest.MonkeyPatch, folder: Path, own: str, files: dict[str, str]) -> None:

@@ -170,3 +170,15 @@ def test_numbers_of_attractors_are_those_of_points_on_them(page: Page) -> None:
     assert (numbers == 3).sum() in [int((labels == k).sum()) for k in (0, 1)]
     for wrong in (3, [[1]], [[-1, [0, 0]]], [[1, [0, 0, 0]]], [["a", [0, 0]]], [[1, [0, 0]]] * 300):
         assert "anchors" in page.ask("view", view={}, anchors=wrong)["message"]
+
+
+def test_a_server_gives_back_memory_as_long_as_it_serves(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = threading.Event()
+    monkeypatch.setattr("cellmap.explorer.serving._GIVING_BACK", 0.01)
+    monkeypatch.setattr("cellmap.explorer.serving.give_back_memory", given.set)
+    with serve(GALLERY, open_page=False):
+        assert given.wait(20.0)
+    waiting = [thread for thread in threading.enumerate() if thread.name == "memory"]
+    for thread in waiting:
+        thread.join(20.0)
+        assert not thread.is_alive()
