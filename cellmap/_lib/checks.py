@@ -16,7 +16,7 @@ from keyword import iskeyword
 from math import isfinite, nan
 from pathlib import Path
 from reprlib import Repr
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -221,6 +221,9 @@ class Parameters(dict[str, float]):
             "params cannot be changed, for what is built from them would not follow: with_params(name=value) returns a "
             "system or map with other values"
         )
+
+    def __missing__(self, name: Any) -> NoReturn:
+        raise KeyError(f"params[{shown(name)}]: choose one of {', '.join(map(repr, self)) or 'none, for it is empty'}")
 
     __setitem__ = __delitem__ = __ior__ = update = pop = popitem = clear = setdefault = _refused
 

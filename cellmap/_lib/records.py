@@ -1,4 +1,4 @@
-"""What records say of their arrays in files, and methods that other rooms carry out: conversions, HTML in notebooks.
+"""What records have in common: mappings by label, arrays in files, and methods that other rooms carry out.
 
 Records stand below the room that knows the optional packages; it is looked up by its name when a method is called.
 """
@@ -6,11 +6,53 @@ Records stand below the room that knows the optional packages; it is looked up b
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import IntEnum
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, NoReturn, TypeVar
+
+from .checks import shown
 
 _ROOM = f"{__name__.split('.')[0]}.exchange"
+_MOST_NAMED = 12
+Key = TypeVar("Key")
+Value = TypeVar("Value")
+
+
+class Keyed(dict[Key, Value]):
+    """A dictionary of a record whose error for a missing key says which keys there are, and what they mean.
+
+    Examples
+    --------
+    >>> counts = Keyed({0: 7, -1: 2}, "counts", {0: "fixed point", -1: "escaped"})
+    >>> counts[0]
+    7
+    >>> counts["fixed point"]
+    Traceback (most recent call last):
+    KeyError: "counts['fixed point']: choose one of 0 (fixed point), -1 (escaped); counts.get(key) is None for others"
+    """
+
+    def __init__(
+        self,
+        entries: Mapping[Key, Value],
+        name: str,
+        meanings: Mapping[Key, str] | Callable[[], Mapping[Key, str]] | None = None,
+    ) -> None:
+        super().__init__(entries)
+        self._name, self._meanings = name, meanings
+
+    def _names(self) -> Mapping[Key, str]:
+        found = self._meanings() if callable(self._meanings) else self._meanings
+        return {} if found is None else found
+
+    def __missing__(self, key: Any) -> NoReturn:
+        names = self._names()
+        keys = [f"{k!r} ({names[k]})" if k in names else repr(k) for k in [*self][:_MOST_NAMED]]
+        choice = f"choose one of {', '.join(keys)}" if keys else "it is empty"
+        rest = f" and {len(self) - len(keys):,} more" if len(self) > len(keys) else ""
+        raise KeyError(f"{self._name}[{shown(key)}]: {choice}{rest}; {self._name}.get(key) is None for others")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Keyed, (dict(self), self._name, dict(self._names()))
 
 
 class Array(NamedTuple):

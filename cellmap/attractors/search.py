@@ -13,7 +13,7 @@ from .._lib.arrays import Floats, Ints, evenly
 from .._lib.checks import affordable_number, warn_caller, whole_number
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
-from ..maps.coordinates import state_points, turns_of, wrap
+from ..maps.coordinates import check_no_window, state_points, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..maps.small_states import warn_of_small_states_ahead
@@ -95,6 +95,8 @@ def find_attractors(
         If a coordinate falls below its `atol` and grows again on one of the first orbits.
     UnsettledWarning
         If none is found: with how orbits end, the cause as seen in a few of them, and a remedy.
+    UserWarning
+        If `initial_conditions` are two tuples ``(low, high)`` in two dimensions: these are two states, and no window.
 
     Examples
     --------
@@ -103,6 +105,7 @@ def find_attractors(
     >>> find_attractors(henon, [[0.0, 0.0], [0.5, 0.5]])
     (Attractor(fixed point (1.09, 0.327) at (1.08945, 0.326836), |multiplier| 0.8074),)
     """
+    check_no_window("initial_conditions", initial_conditions, point_map.dimension)
     states = state_points("initial_conditions", initial_conditions, point_map.coordinates).reshape(
         -1, point_map.dimension
     )

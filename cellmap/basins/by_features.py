@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._lib.arrays import Floats, Ints
 from .._lib.checks import claim_memory, finite_number, one_of, whole_number
+from .._lib.records import Keyed
 from .._lib.signatures import checked
 from .._lib.threads import slices
 from ..attractors.feature_groups import FeatureGroups, check_clusterer, grouped
@@ -75,7 +76,8 @@ class FeatureBasins:
     @property
     def fractions(self) -> dict[int, Fraction]:
         """Fraction of the initial conditions for each label: all groups, then the other labels that occur."""
-        return fractions_of(self.labels, len(self.representatives))
+        found = fractions_of(self.labels, len(self.representatives))
+        return Keyed(found, "fractions", {k: self.label_name(k) for k in found})
 
 
 @checked

@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._lib.arrays import Floats
 from .._lib.checks import claim_memory, finite_number, known_parameter, monotone_values, whole_number
+from .._lib.records import Keyed
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar
 from ..attractors.continued import continue_attractors
@@ -19,13 +20,13 @@ from ..attractors.labels import LABEL_NAMES
 from ..attractors.matching import persistent_labels, thinned
 from ..attractors.residence import is_same
 from ..attractors.search import affordable_period, find_attractors, region_extent
-from ..maps.coordinates import state_points, wrap
+from ..maps.coordinates import wrap
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind
 from .continuation_maps import MapsOverValues
-from .continuation_record import BasinContinuation, ContinuationInterrupt, count_initial_conditions
+from .continuation_record import BasinContinuation, ContinuationInterrupt
 from .continuation_states import LabelsOverValues
 from .finding import find_basins
 from .initial_conditions import InitialConditions
@@ -120,14 +121,9 @@ def continue_basins(
     """
     known_parameter("parameter", parameter, point_map.params)
     axis = monotone_values("values", values)
-    given = (
-        initial_conditions.on(point_map.coordinates, "initial_conditions")
-        if isinstance(initial_conditions, CellGrid)
-        else state_points("initial_conditions", initial_conditions, point_map.coordinates)
-    )
-    total = count_initial_conditions(given)
-    if not total:
-        raise ValueError("initial_conditions is empty: give at least one initial condition")
+    places = InitialConditions.of(initial_conditions, point_map)
+    given = cast("CellGrid | Floats", places.given if places.grid is None else places.grid)
+    total = len(places)
     settings = {
         "max_periods": whole_number("max_periods", max_periods, at_least=1),
         "longest_period": affordable_period(longest_period),
@@ -148,7 +144,7 @@ def continue_basins(
         return done.result(point_map, parameter, axis, given, settings, time.perf_counter() - began)
 
     label = f"basins of {point_map.name} against {parameter}" if progress else None
-    labels = LabelsOverValues(maps, axis, InitialConditions.of(given, point_map))
+    labels = LabelsOverValues(maps, axis, places)
     with progress_bar(axis.size - len(done.attractors), label) as tick:
         for number in range(len(done.attractors), axis.size):
             try:
@@ -200,11 +196,11 @@ class _Done:
             counts=np.array([[c.get(k, 0) for k in labels] for c in self.counts], np.int64).reshape(
                 len(self.counts), len(labels)
             ),
-            attractors=tuple(self.attractors),
+            attractors=tuple(Keyed(found, "attractors") for found in self.attractors),
             inaccurate=np.array(self.inaccurate, np.int64),
             initial_conditions=initial_conditions,
             coordinates=point_map.coordinates,
-            params={key: value for key, value in point_map.params.items() if key != name},
+            params=Keyed({key: v for key, v in point_map.params.items() if key != name}, "params"),
             settings=settings,
             cost=Cost(seconds=self.seconds + seconds, steps=self.steps),
             audited=np.array(self.audited, np.int64).reshape(-1, 2),

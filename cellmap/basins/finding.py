@@ -138,8 +138,9 @@ def find_basins(
         method but not with the one for stiff systems: with the cause, as seen in a few orbits, and a remedy.  Also if
         nothing is found but orbits that grow without bound over many periods.
     UserWarning
-        If `max_seconds` were over before all initial conditions were labelled, or if labels to a tolerance of
-        `label_rtol` differ from those of the map.
+        If `max_seconds` were over before all initial conditions were labelled, if labels to a tolerance of
+        `label_rtol` differ from those of the map, or if `initial_conditions` are two tuples ``(low, high)`` in two
+        dimensions: these are two states, and no window.
 
     Examples
     --------

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.computed import computed_once
 from .._lib.threads import slices
-from ..maps.coordinates import Coordinate, state_points, wrap
+from ..maps.coordinates import Coordinate, check_no_window, state_points, wrap
 from ..maps.fingerprint import PROBES, fingerprint
 from ..maps.grid import CellGrid, grid_points
 from ..maps.point_map import PointMap
@@ -35,6 +35,7 @@ class InitialConditions:
         """Check the argument of that name."""
         if isinstance(initial_conditions, CellGrid):
             return cls(initial_conditions.on(point_map.coordinates, "initial_conditions"), None)
+        check_no_window("initial_conditions", initial_conditions, point_map.dimension)
         given = state_points("initial_conditions", initial_conditions, point_map.coordinates)
         if not given.size:
             raise ValueError("initial_conditions is empty: give at least one initial condition")

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._lib.checks import finite_number, parameter_values, whole_number
+from .._lib.records import Keyed
 from .._lib.signatures import checked
 from .._lib.stopping import Stop, Stopped
 from ..attractors.labels import LABEL_NAMES, Label
@@ -261,7 +262,7 @@ class LiveBasins:
             frame.complete,
             frame.strides,
             numbers,
-            here,
+            Keyed(here, "attractors", lambda: {k: a.name for k, a in here.items()}),
             born,
             gone,
             place.phase,

@@ -13,7 +13,7 @@ from .._compiled.kernels.labelling import count_labels
 from .._lib.arrays import Floats, Ints
 from .._lib.checks import affordable_number, one_of
 from .._lib.randomness import Rng
-from .._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Layout, ShownAsHtml
+from .._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Keyed, Layout, ShownAsHtml
 from .._lib.signatures import checked
 from .._lib.threads import slices
 from ..attractors.labels import LABEL_NAMES
@@ -126,7 +126,7 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
     @property
     def fractions(self) -> dict[int, Fraction]:
         """Fraction of the initial conditions for each label: all attractors, then the other labels that occur."""
-        return fractions_of(self.labels, len(self.attractors))
+        return Keyed(fractions_of(self.labels, len(self.attractors)), "fractions", lambda: self._meanings)
 
     @checked
     def verify(self, n_samples: int = 1000, *, search: bool = False, rng: Rng = 0) -> Verification:

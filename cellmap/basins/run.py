@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from .._lib.arrays import Floats, Ints
 from .._lib.checks import claim_memory, warn_caller
+from .._lib.records import Keyed
 from .._lib.stopping import Stop, Stopped, heeding
 from .._lib.threads import slices
 from .._lib.tiles import completed
@@ -123,7 +124,7 @@ class Run:
             grid=self.initial_conditions.grid,
             initial_conditions=self.initial_conditions.given,
             name=point_map.name,
-            params=dict(point_map.params),
+            params=Keyed(point_map.params, "params"),
             coordinates=point_map.coordinates,
             settings=settings,
             inaccurate=tally.inaccurate,

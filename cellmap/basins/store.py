@@ -31,6 +31,7 @@ from .._lib.checkpoint import (
 from .._lib.checks import claim_memory
 from .._lib.files import StoreError as StoreError
 from .._lib.files import as_path, as_target, written_whole
+from .._lib.records import Keyed
 from .._lib.sealed import (
     ChangedError,
     UnsealedError,
@@ -356,7 +357,7 @@ def _read(file: h5py.Group, in_file: bool = False) -> Basins:
         grid=grid,
         initial_conditions=initial_conditions,
         name=get_text(file, "system"),
-        params={name: float(value) for name, value in get_mapping(file, "params").items()},
+        params=Keyed({name: float(value) for name, value in get_mapping(file, "params").items()}, "params"),
         coordinates=coordinates,
         settings=get_settings(file, "settings"),
         inaccurate=get_number(file, "inaccurate"),

@@ -17,6 +17,7 @@ from .._lib.arrays import Floats, Ints
 from .._lib.checkpoint import check_belongs, plain
 from .._lib.checks import claim_memory, known_parameter, monotone_values, shown, whole_number
 from .._lib.files import StoreError, as_path, written_whole
+from .._lib.records import Keyed
 from .._lib.signatures import checked
 from .._lib.tiles import check_client, completed
 from ..maps.coordinates import state_points, turns_of
@@ -185,7 +186,7 @@ def attractor_atlas(
         curves=lines,
         explained=float(np.mean(explained)) if explained.size else float("nan"),
         coordinates=exact.coordinates,
-        params={key: value for key, value in exact.params.items() if key not in names},
+        params=Keyed({key: v for key, v in exact.params.items() if key not in names}, "params"),
         settings={"initial_conditions": len(states), "max_periods": periods, "longest_period": longest, "curves": most},
     )
 

@@ -21,7 +21,7 @@ from .._lib.checks import (
     shown,
     whole_number,
 )
-from .._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Layout
+from .._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Keyed, Layout
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, difference, state_points, turns_of, wrap
 from ..maps.orbit_batch import Status
@@ -309,7 +309,7 @@ def bifurcation_diagram(
         exponents=spectrum[0],
         standard_errors=spectrum[1],
         coordinates=exact.coordinates,
-        params={key: value for key, value in exact.params.items() if key != parameter},
+        params=Keyed({key: v for key, v in exact.params.items() if key != parameter}, "params"),
         settings={
             "follow": follow,
             "transient": transient,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import shown
-from .._lib.records import Layout
+from .._lib.records import Keyed, Layout
 from ..attractors.labels import LABEL_NAMES
 from ..basins.certification.certificate import Certificate, Evidence
 from ..basins.continuation_record import BasinContinuation
@@ -214,7 +214,10 @@ def _continuation(read: _Read, _: Any = None) -> BasinContinuation:
         attractors[k][label] = attractor
     labels = tuple(read.array("label", np.int16).tolist())
     found: BasinContinuation = read.record(
-        BasinContinuation, attractors=tuple(attractors), initial_conditions=given, labels=labels
+        BasinContinuation,
+        attractors=tuple(Keyed(a, "attractors") for a in attractors),
+        initial_conditions=given,
+        labels=labels,
     )
     return found
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from .._compiled.kernels.blocks import MOST_TURNS
 from .._lib.arrays import Floats
-from .._lib.checks import finite_points, listed, real_number, shown
+from .._lib.checks import finite_points, listed, real_number, shown, warn_caller
 from .._lib.signatures import checked
 
 
@@ -141,6 +141,32 @@ def state_points(name: str, points: ArrayLike, coordinates: Sequence[Coordinate]
                 "beyond an angle has no phase in double precision; give it within a few periods of 0"
             )
     return states
+
+
+def check_no_window(name: str, given: Any, dimension: int) -> None:
+    """Say of tuples (low, high), one for each state variable, that they are states and no window.
+
+    Raises
+    ------
+    ValueError
+        Where they cannot be states, for these have as many numbers as there are state variables.
+
+    Warns
+    -----
+    UserWarning
+        In two dimensions, where they are states.
+    """
+    pairs = given if isinstance(given, list | tuple) and len(given) == dimension else ()
+    if not pairs or not all(isinstance(pair, tuple) and len(pair) == 2 for pair in pairs):
+        return
+    if not all(isinstance(v, int | float) for pair in pairs for v in pair) or not all(a < b for a, b in pairs):
+        return
+    comma = "," if dimension == 1 else ""
+    lower, upper = (f"({', '.join(map(repr, side))}{comma})" for side in zip(*pairs, strict=True))
+    window = f"for a window give CellGrid({lower}, {upper}, shape)"
+    if dimension != 2:
+        raise ValueError(f"{name}={shown(given)}: states have length {dimension}, and these pairs 2; {window}")
+    warn_caller(f"{name}={shown(given)} are two states; {window}, for states {[[*pair] for pair in pairs]}")
 
 
 def in_turn(values: Floats, lower: Floats | float, turn: Floats | float) -> Floats:

@@ -12,7 +12,7 @@ import numpy as np
 from .._compiled.kernels.stretching import append_steps
 from .._lib.arrays import Floats
 from .._lib.checks import claim_memory, whole_number
-from .._lib.records import Array, ConvertsToXarray, Layout
+from .._lib.records import Array, ConvertsToXarray, Keyed, Layout
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from ..maps.coordinates import Coordinate, wrap
@@ -164,7 +164,7 @@ def finite_time_exponents(
         period=exact.period,
         grid=grid,
         name=exact.name,
-        params=dict(exact.params),
+        params=Keyed(exact.params, "params"),
         coordinates=exact.coordinates,
         cost=Cost(time.perf_counter() - began, grid.size * periods),
     )

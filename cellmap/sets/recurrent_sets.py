@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.arrays import Floats, Ints
+from .._lib.records import Keyed
 from ..attractors.labels import Label, label_of
 from ..basins.finding import find_basins
 from ..basins.record import Basins
@@ -192,7 +193,7 @@ def basins_from_cells(
         grid=grid,
         initial_conditions=None,
         name=like.name,
-        params=dict(like.params),
+        params=Keyed(like.params, "params"),
         coordinates=like.coordinates,
         settings={**settings, "map": dict(like.recipe)},
         inaccurate=inaccurate,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+import re
 from dataclasses import replace
 from math import tanh
 
@@ -19,10 +21,12 @@ from cellmap import (
     load_basins,
     save_basins,
 )
-from cellmap.basins import recompute_basins
+from cellmap.analysis.resilience import basin_stability, settling_statistics
+from cellmap.basins import classify_by_features, recompute_basins
 from cellmap.basins.classification import Labeller, labeller, own_label, places_of, scale_of, span_of
 from cellmap.basins.final_states import _coarse, final_states
 from cellmap.orbits import InvariantTorus, Kind
+from cellmap.orbits.attractor import distinct_names
 
 WELLS = discrete_map(lambda x, p: (tanh(p.a * x[0]), 0.5 * x[1]), {"a": 1.5}, ("x", "y"))
 GRID = CellGrid((-2.0, -1.0), (2.0, 1.0), (20, 6))
@@ -31,6 +35,51 @@ GRID = CellGrid((-2.0, -1.0), (2.0, 1.0), (20, 6))
 @pytest.fixture(scope="module")
 def basins():
     return find_basins(WELLS, GRID, max_periods=300)
+
+
+# --- keys and windows that are none
+
+
+def test_a_key_that_is_missing_is_an_error_that_names_all(basins):
+    second = distinct_names(basins.attractors)[1]
+    told = pickle.loads(pickle.dumps(basins.fractions))
+    grouped = classify_by_features(WELLS, np.linspace(-1.0, 1.0, 24).repeat(2).reshape(-1, 2), lambda o: o.points[-1])
+    stability = basin_stability(basins, n_samples=20)
+    settled = settling_statistics(basins)
+    for name, keyed in {
+        "fractions": told,
+        "fractions ": stability.fractions,
+        "exponents": stability.exponents,
+        "basins": settled.basins,
+    }.items():
+        with pytest.raises(
+            KeyError, match=rf"{name.strip()}\['sink'\]: choose one of 0 \(.*, 1 \({re.escape(second)}\)"
+        ):
+            keyed["sink"]
+        assert keyed == {0: keyed[0], 1: keyed[1]}
+    for name, keyed in {"params": basins.params, "params ": WELLS.params, "others": settled.others}.items():
+        with pytest.raises(KeyError, match=rf"{name.strip()}\['sink'\]: choose one of '(a|escaped)'"):
+            keyed["sink"]
+    with pytest.raises(KeyError, match=r"fractions\[7\]: choose one of 0 \(group 0\)"):
+        grouped.fractions[7]
+
+
+def test_tuples_of_ascending_pairs_are_said_to_be_no_window():
+    """In two dimensions they are states, labelled as ever; lists, arrays and other tuples are so without a word."""
+    pairs = [(-2.0, 2.0), (-1.0, 1.0)]
+    with pytest.warns(
+        UserWarning, match=r"two states; for a window give CellGrid\(\(-2.0, -1.0\), \(2.0, 1.0\), shape\)"
+    ):
+        taken = find_basins(WELLS, pairs)
+    for given in (np.array(pairs), [list(pair) for pair in pairs], [*pairs, (1.0, 2.0)], [(-2.0, 2.0), (1.0, -1.0)]):
+        assert len(find_basins(WELLS, given).labels) == len(given) and len(taken.labels) == 2
+    with pytest.warns(UserWarning, match="two states"):
+        find_attractors(WELLS, tuple(pairs))
+    line = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
+    with pytest.raises(
+        ValueError, match=r"length 1, and these pairs 2; for a window give CellGrid\(\(-2,\), \(2,\), shape"
+    ):
+        find_basins(line, [(-2, 2)])
 
 
 # --- labels of points

@@ -14,6 +14,7 @@ from ..._lib.arrays import Floats, Ints
 from ..._lib.binomial import binomial_interval
 from ..._lib.checks import affordable_number, finite_number, of_the_user
 from ..._lib.randomness import Rng, random_numbers
+from ..._lib.records import Keyed
 from ..._lib.signatures import checked
 from ...attractors.labels import LABEL_NAMES, Label
 from ...basins.classification import labeller
@@ -185,7 +186,15 @@ def basin_stability(
         sampled[k] = SampledFraction(mean, float(np.sqrt(mean * (1.0 - mean) / number)), low, high, count)
     names = {**dict(enumerate(distinct_names(label.attractors))), **{code: LABEL_NAMES[code] for code in present}}
     exponents = {k: float(a.exponents[0]) for k, a in enumerate(label.attractors)}
-    return BasinStability(sampled, names, states, labels, times, confidence, exponents)
+    return BasinStability(
+        Keyed(sampled, "fractions", names),
+        Keyed(names, "names"),
+        states,
+        labels,
+        times,
+        confidence,
+        Keyed(exponents, "exponents", names),
+    )
 
 
 def drawn_states(distribution: object, coordinates: Sequence[Coordinate], n: int, rng: Rng) -> Floats:
@@ -310,7 +319,8 @@ def settling_statistics(
         names = {k: name for k, name in source.names.items() if k >= 0}
     labels, times = source.labels.ravel(), source.settling_time.ravel()
     found = {k: _statistics(name, times[labels == k], wanted) for k, name in names.items()}
-    return SettlingStatistics(found, {name: int(np.count_nonzero(labels == k)) for k, name in LABEL_NAMES.items()})
+    others = {name: int(np.count_nonzero(labels == k)) for k, name in LABEL_NAMES.items()}
+    return SettlingStatistics(Keyed(found, "basins", names), Keyed(others, "others"))
 
 
 def _statistics(name: str, times: NDArray[np.int32], levels: tuple[float, ...]) -> SettlingTimes:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..._lib.midpoint_radius import ROUNDING
 from ..._lib.randomness import Rng
-from ..._lib.records import Array, ConvertsToXarray, Layout, ShownAsHtml
+from ..._lib.records import Array, ConvertsToXarray, Keyed, Layout, ShownAsHtml
 from ..._lib.sealed import array_of, get_mapping, get_number, get_numbers, group_of, put_text
 from ..._lib.signatures import checked
 from ...attractors.labels import Label
@@ -116,7 +116,8 @@ class Proof(ShownAsHtml, ConvertsToXarray):
         """
         volume = self.cells.region.least_volume()
         counts = np.bincount(np.maximum(self.cells.in_window, 0).ravel(), minlength=len(self.basins.attractors) + 1)
-        return {k: float(counts[k + 1]) * volume / ROUNDING.wider for k in range(len(self.basins.attractors))}
+        found = {k: float(counts[k + 1]) * volume / ROUNDING.wider for k in range(len(self.basins.attractors))}
+        return Keyed(found, "areas", lambda: self._meanings)
 
     @checked
     def check(self, n_samples: int = 10, *, rng: Rng = 0) -> Any:
@@ -218,7 +219,7 @@ def _read(group: Any, basins: Basins) -> Proof:
     parameters = {name: (float(a), float(b)) for name, (a, b) in get_mapping(own, "parameters").items()}
     return Proof(
         basins,
-        attractors,
+        Keyed(attractors, "attractors"),
         ProvedCells(region, labels, ranks),
         parameters,
         get_number(own, "splits"),

@@ -13,6 +13,7 @@ import numpy as np
 from ..._compiled.kernels.cell_covers import HOPELESS, Place
 from ..._lib.arrays import Bools, Floats
 from ..._lib.checks import claim_memory, parameter_intervals, whole_number
+from ..._lib.records import Keyed
 from ..._lib.signatures import checked
 from ...attractors.labels import Label
 from ...attractors.settling import Catalogue, classify
@@ -145,7 +146,7 @@ def prove(
                 kept.finish(level, proved, done)
             boxes += done
     cost = Cost(seconds=time.perf_counter() - began, evaluations=boxes)
-    return Proof(basins, attractors, proved, intervals, splits, max_periods, cost)
+    return Proof(basins, Keyed(attractors, "attractors"), proved, intervals, splits, max_periods, cost)
 
 
 def _some_places(basins: Basins, half: Floats) -> tuple[Floats, Floats]:
