@@ -80,7 +80,11 @@ def edge_orbit(
     point_map: PointMap | None = None,
     max_periods: int | None = None,
 ) -> EdgeOrbit:
-    """Compute the edge state of a basin boundary by alternating bisection and iteration (edge tracking).
+    r"""Compute the edge state of a basin boundary by alternating bisection and iteration (edge tracking).
+
+    It is the set to which orbits on the boundary :math:`\partial B` of a basin B converge.  Its exponent is the mean of
+    :math:`\ln \frac{|f(y_n) - f(x_n)|}{|y_n - x_n|}` over the steps n of the map f, for states :math:`x_n \in B` and
+    :math:`y_n \notin B` of a pair.
 
     A segment between a state in the basin and one outside it is bisected until it is shorter than `min_separation`;
     both ends are iterated until they are more than `max_separation` apart; and so on.  The pairs stay within

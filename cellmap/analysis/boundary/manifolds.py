@@ -74,7 +74,11 @@ def saddle_manifold(
     inverse: PointMap | None = None,
     reach: float = 0.1,
 ) -> Manifold:
-    """Compute the stable or the unstable manifold of a saddle of a planar map.
+    r"""Compute the stable or the unstable manifold of a saddle of a planar map.
+
+    For a fixed point p of the map f they are :math:`W^s = \{x \,:\, \lim_{n \to \infty} f^n(x) = p\}` and
+    :math:`W^u = \{x \,:\, \lim_{n \to \infty} f^{-n}(x) = p\}`; those of a cycle are the ones of its points, fixed
+    under :math:`f^m` for its period m.
 
     A fundamental segment on the eigenvector, from a point close to the saddle to its image, is iterated.  Where the
     image is bent or stretched too much, points are inserted on the segment itself and iterated, so that the curve is

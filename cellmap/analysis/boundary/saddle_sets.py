@@ -70,7 +70,10 @@ def chaotic_saddle(
     *,
     rng: Rng = 0,
 ) -> ChaoticSaddle:
-    """Compute a pseudo-orbit on the chaotic saddle in a region by the stagger-and-step method.
+    r"""Compute a pseudo-orbit on the chaotic saddle in a region by the stagger-and-step method.
+
+    The saddle is :math:`\bigcap_{n=-\infty}^{\infty} f^n(R)`, the points of the region R whose orbits under the map f
+    stay there for all time, forwards and backwards.
 
     A point whose orbit stays in the region for more than `lifetime` steps is mapped (a step); another one is first
     perturbed by a small random vector to a point whose orbit does (a stagger), with sizes that are distributed evenly

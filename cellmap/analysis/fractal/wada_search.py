@@ -119,7 +119,10 @@ def wada_grid(
     max_points: int = 2_000_000,
     max_periods: int = 2000,
 ) -> WadaGrid:
-    """Test basins for the Wada property by the grid method, with the map.
+    r"""Test basins for the Wada property by the grid method, with the map.
+
+    Basins are Wada if :math:`W_k = \frac{N_k}{N_2 + \dots + N_k} \to 1` as steps become finer, where :math:`N_m` boxes
+    have m of the k basins around them.
 
     The colour of a box is the basin of its centre.  A boundary box has a neighbour (across sides and corners) of
     another colour; the colours of all its neighbours count as found.  As long as some colours are missing, the segment

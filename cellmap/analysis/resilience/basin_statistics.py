@@ -283,10 +283,11 @@ class SettlingStatistics:
 def settling_statistics(
     source: Basins | BasinStability, levels: Sequence[float] = (0.25, 0.5, 0.75, 0.95)
 ) -> SettlingStatistics:
-    """Compute mean and quantiles of the settling times in each basin.
+    r"""Compute mean and quantiles of the settling times in each basin.
 
-    The settling time is the first step at which an orbit is inside the verified trapping neighbourhood of its
-    attractor. It depends on the width of that neighbourhood; compare only times of the same set of attractors.
+    The settling time of x is :math:`T(x) = \min\{n \ge 0 \,:\, f^n(x) \in U\}`, the first step at which its orbit under
+    the map f is inside the verified trapping neighbourhood U of its attractor.  It depends on the width of that
+    neighbourhood; compare only times of the same set of attractors.
 
     Parameters
     ----------
