@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from .._lib.checks import whole_number
-from .._lib.memory import give_back_memory
+from .._lib.memory import give_back_memory, share_heaps
 from .._lib.signatures import checked
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
@@ -119,6 +119,7 @@ def serve(
         from .server import Shared, application
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(f"{error}: pip install 'cellmap-dynamics[explorer]'") from error
+    share_heaps()
     systems = {e.name: e for e in checked_gallery(gallery)}
     prepared = [] if views is None else load_views(views, systems)
     most = whole_number("watchers", watchers, at_most=MOST_WATCHERS)
