@@ -44,7 +44,8 @@ def continue_attractors(
     attractors : sequence of Attractor
         Attractors of the map with other parameters.
     extent : ndarray, shape (dimension,), optional
-        Size of the region of interest.  By default the window of an interpolated map, or what the attractors span.
+        Size of the region of interest, of which an attractor may move a tenth.  By default the window of an
+        interpolated map, or what the attractors span: give it for an exact map with few attractors.
 
     Returns
     -------
