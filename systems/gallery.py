@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import cos, pi
 from pathlib import Path
 
@@ -11,32 +11,6 @@ from cellmap import CellGrid
 from cellmap.explorer import Explored, ExploredScene
 
 _CELLS = 500
-
-
-_UNITS = {
-    "length": "m",
-    "mass": "kg",
-    "inertia": "kg m²",
-    "distance": "m",
-    "gravity": "m/s²",
-    "amplitude": "m",
-    "frequency": "Hz",
-    "phase": "rad",
-    "damping": "1/s",
-    "drag": "1/rad",
-    "friction": "rad/s²",
-    "stiffness": "1/s²",
-    "rest": "rad",
-    "torque": "rad/s²",
-    "acceleration": "m/s²",
-}
-"""Units of parameters of systems in SI units, by the last words of their names."""
-
-
-def _units(names: Iterable[str]) -> dict[str, str]:
-    """Return the units of parameters of a system in SI units."""
-    stems = {name: name.rstrip("_0123456789").rpartition("_")[2] for name in names}
-    return {name: _UNITS[stem] for name, stem in stems.items() if stem in _UNITS}
 
 
 def _explored(
@@ -52,11 +26,19 @@ def _explored(
     lower, upper = (tuple(limit[k] for limit in limits) for k in (0, 1))
     region = CellGrid(lower, upper, (cells,) * len(limits))
     make = getattr(systems, name)
-    units = _units(make().params) if si else {}
     source = f"import systems\n\nsystem = systems.{name}()\n"
     pivot = _pivot if si else None
     return Explored(
-        name, make, region, nodes, source, about, units, drawn_as=drawn_as, pivot=pivot, thumbnail=_thumbnail(name)
+        name,
+        make,
+        region,
+        nodes,
+        source,
+        about,
+        make().parameter_units,
+        drawn_as=drawn_as,
+        pivot=pivot,
+        thumbnail=_thumbnail(name),
     )
 
 
@@ -119,7 +101,7 @@ def _scene(body: str, effects: Sequence[str]) -> Explored:
         128 if smooth else 0,
         f"from systems import {', '.join(names)}\n\nsystem = scene({call})\n",
         _ABOUT_SCENES,
-        _units(systems.scene(made, *acting, period=period).params),
+        systems.scene(made, *acting, period=period).parameter_units,
         drawn_as="chain",
     )
 

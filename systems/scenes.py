@@ -21,7 +21,7 @@ from .forces import Acting, Forces, combined
 from .periods import common_period
 from .quantities import RATE, Part
 from .scene_parameters import acting, names_in_scene
-from .units import Units, in_units
+from .units import Units, in_units, parameter_units
 
 TipsTerm = Callable[[Sequence[float], Any], tuple[float, ...]]
 
@@ -144,6 +144,7 @@ def scene(
         name=title or ", ".join(type(part).__name__ for part in (body, *present)),
         switches=made.switches,
         outputs=made.outputs,
+        parameter_units={} if units is not None else parameter_units(params),
     )
 
 

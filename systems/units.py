@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from math import pi, sqrt
 from typing import Any, TypeVar
@@ -12,6 +12,31 @@ from .quantities import LENGTH, MASS, TIME, Dimension, Part, quantity, sized_num
 _LARGEST = 1e40  # size of what units are made from: quotients of these are sizes as well
 
 P = TypeVar("P", bound=Part)
+
+_WRITTEN = {
+    "length": "m",
+    "mass": "kg",
+    "inertia": "kg m²",
+    "distance": "m",
+    "gravity": "m/s²",
+    "amplitude": "m",
+    "frequency": "Hz",
+    "phase": "rad",
+    "damping": "1/s",
+    "drag": "1/rad",
+    "friction": "rad/s²",
+    "stiffness": "1/s²",
+    "rest": "rad",
+    "torque": "rad/s²",
+    "acceleration": "m/s²",
+}
+"""Units of parameters of systems in SI units, by the last words of their names."""
+
+
+def parameter_units(names: Iterable[str]) -> dict[str, str]:
+    """Return the units of parameters of a system in SI units."""
+    stems = {name: name.rstrip("_0123456789").rpartition("_")[2] for name in names}
+    return {name: _WRITTEN[stem] for name, stem in stems.items() if stem in _WRITTEN}
 
 
 @dataclass(frozen=True)

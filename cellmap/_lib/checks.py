@@ -178,10 +178,10 @@ def finite_points(name: str, points: ArrayLike, dimension: int) -> Floats:
     return array
 
 
-def known_parameter(argument: str, name: Any, params: Mapping[str, float]) -> str:
+def known_parameter(argument: str, name: Any, params: Mapping[str, float], what: str = "map") -> str:
     """Return the name of a parameter that is there."""
     if not isinstance(name, str) or name not in params:
-        raise ValueError(f"{argument}={shown(name)}: this map has the parameters {sorted(params)}")
+        raise ValueError(f"{argument}={shown(name)}: this {what} has the parameters {sorted(params)}")
     return name
 
 

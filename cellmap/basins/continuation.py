@@ -204,6 +204,7 @@ class _Done:
             settings=settings,
             cost=Cost(seconds=self.seconds + seconds, steps=self.steps),
             audited=np.array(self.audited, np.int64).reshape(-1, 2),
+            parameter_units=point_map.parameter_units,
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -69,6 +69,8 @@ class BasinContinuation(ConvertsToXarray):
         Where labels are found from states that are interpolated over the parameter: the number of initial conditions
         that are labelled from their beginning as well, and how many of these differ.  If any does, all labels of the
         value are found from the beginning, as they are where both numbers are 0.
+    parameter_units : mapping of str to str
+        Units of parameters, as far as the system declares them.
     """
 
     _layout: ClassVar = Layout(
@@ -101,6 +103,7 @@ class BasinContinuation(ConvertsToXarray):
     settings: Mapping[str, Any]
     cost: Cost = Cost()
     audited: Ints | None = None
+    parameter_units: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         number = sum(label >= 0 for label in self.labels)

@@ -188,6 +188,7 @@ def attractor_atlas(
         coordinates=exact.coordinates,
         params=Keyed({key: v for key, v in exact.params.items() if key not in names}, "params"),
         settings={"initial_conditions": len(states), "max_periods": periods, "longest_period": longest, "curves": most},
+        parameter_units=exact.parameter_units,
     )
 
 

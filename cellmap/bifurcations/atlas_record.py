@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -98,6 +98,8 @@ class AttractorAtlas(ConvertsToXarray, ConvertsToDataFrame):
         The other parameters.
     settings : mapping
         Arguments of :func:`attractor_atlas`.
+    parameter_units : mapping of str to str
+        Units of parameters, as far as the system declares them.
     """
 
     _layout: ClassVar = Layout(
@@ -136,6 +138,7 @@ class AttractorAtlas(ConvertsToXarray, ConvertsToDataFrame):
     coordinates: tuple[Coordinate, ...]
     params: Mapping[str, float]
     settings: Mapping[str, Any]
+    parameter_units: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         plane = f"{self.parameters[0]} x {self.parameters[1]}: {self.x.size} x {self.y.size}"

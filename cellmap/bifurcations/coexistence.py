@@ -171,7 +171,7 @@ class _Search:
     def _known(self, fresh: Attractors) -> Bools:
         """Return which attractors have been found before, perhaps from another of their points."""
         species = np.concatenate([self.found.period, fresh.period])
-        known = Directory.of(self.found, species[: len(self.found)], int(species.max()) + 1)
+        known = Directory.of(self.found, species[: len(self.found)], int(species.max(initial=0)) + 1)
         return known.nearest(fresh.period, fresh.centre, fresh.place, _SAME_MEAN) >= 0
 
     def _rest(self) -> Ints:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -74,6 +74,8 @@ class BifurcationDiagram(ConvertsToXarray, ConvertsToDataFrame):
         Arguments of :func:`bifurcation_diagram`.
     point_map : PointMap or None
         The map; None for a diagram that was read from a file without it.
+    parameter_units : mapping of str to str
+        Units of parameters, as far as the system declares them.
     """
 
     _layout: ClassVar = Layout(
@@ -111,6 +113,7 @@ class BifurcationDiagram(ConvertsToXarray, ConvertsToDataFrame):
     params: Mapping[str, float]
     settings: Mapping[str, Any]
     point_map: PointMap | None = None
+    parameter_units: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         branches, n = self.status.shape
@@ -318,6 +321,7 @@ def bifurcation_diagram(
             "tolerance": tolerance,
         },
         point_map=exact,
+        parameter_units=exact.parameter_units,
     )
 
 

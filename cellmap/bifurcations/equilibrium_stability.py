@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -101,6 +102,8 @@ class StabilityMap(ConvertsToXarray):
         A :class:`Status` of each point.
     rows, columns : Boundary
         Stability boundaries, refined in x at every value of y, and in y at every value of x.
+    parameter_units : mapping of str to str
+        Units of parameters, as far as the system declares them.
     """
 
     _layout: ClassVar = Layout(
@@ -121,6 +124,7 @@ class StabilityMap(ConvertsToXarray):
     status: NDArray[np.uint8]
     rows: Boundary
     columns: Boundary
+    parameter_units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def curves(self) -> tuple[BoundaryCurve, ...]:
@@ -290,6 +294,7 @@ def stability_map(
         status=on_grid.status.reshape(shape),
         rows=Boundary(rows.values, axes[1][rows.lines], rows.crossing, rows.below, rows.above),
         columns=Boundary(axes[0][columns.lines], columns.values, columns.crossing, columns.below, columns.above),
+        parameter_units=dict(system.parameter_units),
     )
 
 

@@ -141,6 +141,12 @@ class PointMap(ShownAsHtml):
         unknown = f"; formulas unknown, {self.unknown_formulas}" if self.unknown_formulas else ""
         return f"PointMap({self.recipe['kind']} of {self.name}: {values}{unknown})"
 
+    @property
+    def parameter_units(self) -> Mapping[str, str]:
+        """Units of parameters by name, as far as the system of the map declares them."""
+        system = getattr(self.without_table.spec, "system", None)
+        return {} if system is None else dict(system.parameter_units)
+
     def __reduce__(self) -> tuple[Callable[[], PointMap], tuple[()]]:
         if self.spec is None:
             raise TypeError(

@@ -17,8 +17,10 @@ from .._compiled.codegen.trace import State, StateChangedError, parameter_record
 from .._lib.arrays import Floats
 from .._lib.checks import (
     changed_parameters,
+    check_mapping,
     finite_number,
     finite_points,
+    known_parameter,
     parameter_values,
     parameters_in_words,
     real_array,
@@ -78,6 +80,8 @@ class ForcedSystem:
     outputs : mapping of str to callable, optional
         Further quantities by name, functions ``f(t, x, p)`` that return a tuple, such as energies or positions of
         parts; see :meth:`output`.
+    parameter_units : mapping of str to str, optional
+        Units of parameters by name, such as ``{"frequency": "Hz"}``, which figures write on axes.
 
     Raises
     ------
@@ -111,6 +115,7 @@ class ForcedSystem:
     switches: StateFunction | None = None
     impacts: Sequence[Impact] = ()
     outputs: Mapping[str, StateFunction] = field(default_factory=dict, repr=False)
+    parameter_units: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         if not callable(self.rhs):
@@ -126,6 +131,9 @@ class ForcedSystem:
         set_field("impacts", tuple(self.impacts))
         if not isinstance(self.outputs, Mapping) or not all(callable(f) for f in self.outputs.values()):
             raise TypeError(f"outputs={shown(self.outputs)}: give functions f(t, x, p) by name")
+        check_mapping("parameter_units", self.parameter_units, "of parameters to units, such as {'frequency': 'Hz'}")
+        for name, unit in self.parameter_units.items():
+            text(f"parameter_units[{known_parameter('parameter_units', name, self.params, 'system')!r}]", unit)
         finite_number("period", self.length, above=0.0)
         self._try_right_hand_side()
         self._try_impacts()

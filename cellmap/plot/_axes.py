@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from math import gcd, isclose, pi
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -64,6 +64,18 @@ def titled(coordinate: Coordinate) -> str:
     return f"{shown_as} ({coordinate.unit})" if coordinate.unit else shown_as
 
 
+def parameter_title(name: str, units: Mapping[str, str]) -> str:
+    r"""Return what stands beside the axis of a parameter: its symbol, and its unit where a system declares one.
+
+    Examples
+    --------
+    >>> parameter_title("omega", {"omega": "rad/s"}), parameter_title("gamma", {"omega": "rad/s"})
+    ('$\\omega$ (rad/s)', '$\\gamma$')
+    """
+    unit = units.get(name, "")
+    return f"{symbol(name)} ({unit})" if unit else symbol(name)
+
+
 def axes_or_new(ax: Axes | None, size: tuple[float, float] | None = None) -> Axes:
     """Return the axes that are given, or those of a new figure of a size in inches."""
     return plt.subplots(figsize=size, layout="constrained")[1] if ax is None else ax
@@ -110,7 +122,11 @@ def name_axes(ax: Axes, coordinates: Sequence[Coordinate], spans: Sequence[float
 def name_plane(ax: Axes, result: AttractorAtlas | StabilityMap) -> None:
     """Name the axes of two parameters, and let them end with their values."""
     across, up = result.parameters
-    ax.set(xlabel=symbol(across), ylabel=symbol(up), xlim=(result.x[0], result.x[-1]), ylim=(result.y[0], result.y[-1]))
+    names = {
+        "xlabel": parameter_title(across, result.parameter_units),
+        "ylabel": parameter_title(up, result.parameter_units),
+    }
+    ax.set(**names, xlim=(result.x[0], result.x[-1]), ylim=(result.y[0], result.y[-1]))
 
 
 def colour_bar(ax: Axes, drawn: ScalarMappable, label: str) -> None:

@@ -17,7 +17,16 @@ from ..bifurcations.kinds import BifurcationKind
 from ..bifurcations.period_measures import Quantity, measured
 from ..maps.coordinates import Coordinate, difference, in_turn
 from ..maps.parameters_as_states import swept_map
-from ._axes import axes_or_new, column_of, cut_at_branch_cuts, label_axis, mark_zeros, measured_axis, several_of, symbol
+from ._axes import (
+    axes_or_new,
+    column_of,
+    cut_at_branch_cuts,
+    label_axis,
+    mark_zeros,
+    measured_axis,
+    parameter_title,
+    several_of,
+)
 from ._colours import colour_of, one_colour
 from ._draw import figure
 
@@ -120,7 +129,7 @@ def branches(
         for zero in (z for z in trace.kinds if isinstance(z, FunctionZero)):
             mark_zeros(ax, [(zero.name, place) for place in trace.marks(zero)])
     label_axis(ax.yaxis, shown_as, max(trace.span for trace in traces))
-    ax.set_xlabel(symbol(name))
+    ax.set_xlabel(parameter_title(name, several[0].point_map.parameter_units))
     if legend:
         words: dict[Any, str] = {_STABLE: "stable", _UNSTABLE: "unstable"}
         handles = [Line2D([], [], color="0.3", linestyle=s, label=w) for s, w in words.items() if s in styles]

@@ -15,7 +15,7 @@ from ..basins.continuation_record import BasinContinuation
 from ..bifurcations.diagram import BifurcationDiagram
 from ..bifurcations.period_measures import Quantity
 from ..orbits.attractor import Kind
-from ._axes import column_of, label_axis, legend_below, measured_axis, symbol
+from ._axes import column_of, label_axis, legend_below, measured_axis, parameter_title
 from ._colours import Colour, colour_of, label_colours
 from ._draw import figure
 
@@ -83,7 +83,7 @@ def bifurcation_diagram(
     _draw_points(drawn[0], diagram, places, size)
     finite = places[np.isfinite(places)]
     label_axis(drawn[0].yaxis, shown_as, float(np.ptp(finite)) if finite.size else 0.0)
-    drawn[-1].set_xlabel(symbol(diagram.parameter))
+    drawn[-1].set_xlabel(parameter_title(diagram.parameter, diagram.parameter_units))
     drawn[0].set_title(diagram.system)
     return drawn
 
@@ -194,7 +194,7 @@ def basin_continuation(
     upper.stackplot(continuation.values, continuation.fractions.T, colors=list(palette.values()), linewidth=0.0)
     upper.set(ylim=(0.0, 1.0), ylabel="fraction of initial conditions", title=continuation.system)
     upper.margins(x=0.0)
-    drawn[-1].set_xlabel(symbol(continuation.parameter))
+    drawn[-1].set_xlabel(parameter_title(continuation.parameter, continuation.parameter_units))
     if legend:
         legend_below(drawn[-1], [(c, continuation.label_name(label)) for label, c in palette.items()], -0.14)
     return drawn

@@ -43,6 +43,7 @@ from systems import (
     stability_coordinates,
     swing_units,
 )
+from systems.units import parameter_units
 
 W = 100.0 * pi
 DRIVES: list[Any] = [
@@ -77,6 +78,23 @@ def test_there_and_back(part: Part) -> None:
     there = in_units(part, UNITS)
     assert type(there) is type(part)
     assert in_units(there, UNITS.inverse).parameters == pytest.approx(part.parameters, rel=1e-14)
+
+
+@pytest.mark.parametrize("part", [*DRIVES, *STEADY, *BODIES], ids=repr)
+def test_written_units_are_those_by_which_values_change(part: Part) -> None:
+    """The powers of length, time and mass in a written unit, against how the value is converted."""
+    powers = {
+        "m": (1, 0, 0),
+        "kg": (0, 0, 1),
+        "kg m²": (2, 0, 1),
+        "m/s²": (1, -2, 0),
+        "Hz": (0, -1, 0),
+        "1/s": (0, -1, 0),
+    }
+    powers |= {"rad/s²": (0, -2, 0), "1/s²": (0, -2, 0), "rad": (0, 0, 0), "1/rad": (0, 0, 0)}
+    there = in_units(part, UNITS).parameters
+    for name, unit in parameter_units(part.parameters).items():
+        assert there[name] * UNITS.of(powers[unit]) == pytest.approx(part.parameters[name], rel=1e-14)
 
 
 @pytest.mark.parametrize("body", BODIES, ids=repr)
