@@ -20,6 +20,5 @@ for label in sweep.labels:
     there = sweep.values[sweep.present[:, sweep.labels.index(label)]]
     print(f"{sweep.label_name(label)}: {1e3 * there.min():.1f} to {1e3 * there.max():.1f} mm")
 
-above, below = plot.basin_continuation(sweep)
-below.set_xlabel("amplitude (m)")
+plot.basin_continuation(sweep)
 # sphinx_gallery_alt = "Stacked basin fractions against amplitude: rotations appear, then the inverted state"

@@ -16,6 +16,5 @@ frequency = ("frequency", np.linspace(20, 80, 61))
 amplitude = ("amplitude", np.linspace(0.5e-3, 14e-3, 61))
 inverted = stability_map(driven_pendulum(), [pi, 0.0], frequency, amplitude)
 print(inverted.curves)
-ax = plot.stability_map(inverted)
-ax.set(xlabel="frequency (Hz)", ylabel="amplitude (m)")
+plot.stability_map(inverted)
 # sphinx_gallery_alt = "Frequency and amplitude plane with the region in which the inverted pendulum is stable"
