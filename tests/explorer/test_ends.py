@@ -173,12 +173,13 @@ def test_numbers_of_attractors_are_those_of_points_on_them(page: Page) -> None:
 
 
 def test_a_server_gives_back_memory_as_long_as_it_serves(monkeypatch: pytest.MonkeyPatch) -> None:
-    given = threading.Event()
+    given, others = threading.Event(), set(threading.enumerate())
     monkeypatch.setattr("cellmap.explorer.serving._GIVING_BACK", 0.01)
     monkeypatch.setattr("cellmap.explorer.serving.give_back_memory", given.set)
     with serve(GALLERY, open_page=False):
         assert given.wait(20.0)
-    waiting = [thread for thread in threading.enumerate() if thread.name == "memory"]
+        waiting = [t for t in threading.enumerate() if t.name == "memory" and t not in others]
+    assert waiting
     for thread in waiting:
         thread.join(20.0)
         assert not thread.is_alive()
