@@ -61,7 +61,7 @@ def titled(coordinate: Coordinate) -> str:
     """Return what stands beside the axis of a coordinate: its symbol, and its unit."""
     of, between, name = coordinate.name.rpartition(" of ")
     shown_as = f"{of}{between}{''.join(map(symbol, re.split('( [+-] )', name)))}"
-    return f"{shown_as} ({coordinate.unit})" if coordinate.unit else shown_as
+    return _with_unit(shown_as, coordinate.unit)
 
 
 def parameter_title(name: str, units: Mapping[str, str]) -> str:
@@ -72,8 +72,11 @@ def parameter_title(name: str, units: Mapping[str, str]) -> str:
     >>> parameter_title("omega", {"omega": "rad/s"}), parameter_title("gamma", {"omega": "rad/s"})
     ('$\\omega$ (rad/s)', '$\\gamma$')
     """
-    unit = units.get(name, "")
-    return f"{symbol(name)} ({unit})" if unit else symbol(name)
+    return _with_unit(symbol(name), units.get(name, ""))
+
+
+def _with_unit(shown_as: str, unit: str) -> str:
+    return f"{shown_as} ({unit})" if unit else shown_as
 
 
 def axes_or_new(ax: Axes | None, size: tuple[float, float] | None = None) -> Axes:
@@ -121,12 +124,14 @@ def name_axes(ax: Axes, coordinates: Sequence[Coordinate], spans: Sequence[float
 
 def name_plane(ax: Axes, result: AttractorAtlas | StabilityMap) -> None:
     """Name the axes of two parameters, and let them end with their values."""
-    across, up = result.parameters
-    names = {
-        "xlabel": parameter_title(across, result.parameter_units),
-        "ylabel": parameter_title(up, result.parameter_units),
-    }
-    ax.set(**names, xlim=(result.x[0], result.x[-1]), ylim=(result.y[0], result.y[-1]))
+    name_parameters(ax, result.parameters, result.parameter_units)
+    ax.set(xlim=(result.x[0], result.x[-1]), ylim=(result.y[0], result.y[-1]))
+
+
+def name_parameters(ax: Axes, names: Sequence[str], units: Mapping[str, str]) -> None:
+    """Name the axes of two parameters."""
+    across, up = (parameter_title(name, units) for name in names)
+    ax.set(xlabel=across, ylabel=up)
 
 
 def colour_bar(ax: Axes, drawn: ScalarMappable, label: str) -> None:

@@ -16,7 +16,7 @@ from ..bifurcations.atlas_record import AttractorAtlas
 from ..bifurcations.bifurcation_curve import BifurcationCurve
 from ..bifurcations.connecting_branches import TangencyCurve
 from ..bifurcations.kinds import BifurcationKind, CodimensionTwoKind
-from ._axes import axes_or_new, colour_bar, mark_zeros, name_plane, parameter_title, several_of
+from ._axes import axes_or_new, colour_bar, mark_zeros, name_parameters, name_plane, several_of
 from ._colours import COLOURS, colour_of
 from ._draw import figure
 
@@ -104,8 +104,7 @@ def bifurcation_curves(
             ax.annotate(short, place, (4.0, 4.0), textcoords="offset points", fontsize="small")
         if short != str(point.kind) and ":" not in short:
             named[short] = str(point.kind)
-    across, up = (parameter_title(name, several[0].point_map.parameter_units) for name in names)
-    ax.set(xlabel=across, ylabel=up)
+    name_parameters(ax, names, several[0].point_map.parameter_units)
     if legend:
         look = [Line2D([], [], linestyle="none", marker="o", color="black", markersize=4.0) for _ in named]
         labels = [*handles, *(f"{short}: {word}" for short, word in named.items())]

@@ -15,7 +15,7 @@ from ..bifurcations.circle_branches import CircleBranch, CircleStatus
 from ..bifurcations.connecting_branches import ConnectionBranch
 from ..bifurcations.tongues import ArnoldTongue
 from ..maps.coordinates import difference
-from ._axes import axes_or_new, colour_bar, cut_at_branch_cuts, name_axes, pair_of, parameter_title, several_of, symbol
+from ._axes import axes_or_new, colour_bar, cut_at_branch_cuts, name_axes, name_parameters, pair_of, several_of, symbol
 from ._colours import colour_of
 from ._draw import figure
 
@@ -221,8 +221,7 @@ def arnold_tongues(
         ax.fill(*np.concatenate([left, right[::-1]]).T, color=colour, alpha=0.3, linewidth=0.0, label=name)
         for border in (left, right):
             ax.plot(*border.T, color=colour, linewidth=1.0)
-    across, up = (parameter_title(name, several[0].left.point_map.parameter_units) for name in names)
-    ax.set(xlabel=across, ylabel=up)
+    name_parameters(ax, names, several[0].left.point_map.parameter_units)
     if legend:
         ax.legend(fontsize="small", frameon=False)
     return ax
