@@ -13,6 +13,7 @@ from .._lib.signatures import checked
 from .._lib.threads import results_of
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind, Neighbourhood, sort_key
+from ..orbits.ellipsoids import half_widths
 from ..orbits.newton import newton, stable_orbit
 from .matching import attractor_distance
 from .quasiperiodic import quasiperiodic_attractors
@@ -45,7 +46,7 @@ def continue_attractors(
         Attractors of the map with other parameters.
     extent : ndarray, shape (dimension,), optional
         Size of the region of interest, of which an attractor may move a tenth.  By default the window of an
-        interpolated map, or what the attractors span: give it for an exact map with few attractors.
+        interpolated map, or what the attractors and their trapping regions span.
 
     Returns
     -------
@@ -67,7 +68,7 @@ def continue_attractors(
     if not orbits and not circles:
         return ()
     if extent is None:
-        extent = region_extent(point_map, np.concatenate([a.points for a in attractors]))
+        extent = region_extent(point_map, _region_spanned(attractors))
     else:
         lengths = real_array("extent", extent)
         if lengths.shape != (point_map.dimension,) or not ((lengths > 0.0) & np.isfinite(lengths)).all():
@@ -76,6 +77,16 @@ def continue_attractors(
     found = list(with_regions(point_map, orbits_followed(point_map, orbits, extent), extent).values())
     found += circles_followed(point_map, circles, extent, found).values()
     return tuple(sorted(found, key=sort_key))
+
+
+def _region_spanned(attractors: Sequence[Attractor]) -> Floats:
+    """Return the points of attractors and the ends of their trapping regions along the axes.
+
+    The points alone may differ little in a coordinate and yet move in it.
+    """
+    around = [a.neighbourhood for a in attractors if a.neighbourhood is not None and a.symmetry is None]
+    ends = [n.centres + sign * half_widths(n.metrics) for n in around for sign in (-1.0, 1.0)]
+    return np.concatenate([*(a.points for a in attractors), *ends])
 
 
 def orbits_followed(point_map: PointMap, attractors: Sequence[Attractor], extent: Floats) -> dict[int, Attractor]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from .._compiled.kernels.capture import BITS, Regions, Sieve
 from .._lib.arrays import Floats
+from ..orbits.ellipsoids import half_widths
 
 MANY = 32
 """Ellipsoids from which on it is worthwhile to sift them."""
@@ -30,7 +31,7 @@ def sieve_of(regions: Regions, turn: Floats) -> Sieve:
     scaled[:, range(d), range(d)] += round_angles
     if not np.linalg.eigvalsh(scaled).min() > _ROUND:
         return _nothing(d)
-    reach = np.where(round_angles, turn, np.sqrt(np.einsum("njj->nj", np.linalg.inv(scaled))) / scale)
+    reach = np.where(round_angles, turn, half_widths(scaled) / scale)
     low, high = regions.centres - reach, regions.centres + reach
     inverse = _BINS / np.where(turn > 0, turn, (high.max(axis=0) - low.min(axis=0)) * (1.0 + 4.0 / _BINS))
     origin = np.where(turn > 0, 0.0, low.min(axis=0) - 1.5 / inverse)

@@ -45,6 +45,11 @@ def displaced(
     return after[..., :d], orbits.alive.reshape(n, k)
 
 
+def half_widths(metrics: Floats) -> Floats:
+    """Return how far ellipsoids with some metrics (n, d, d) reach from their centres along each axis, shape (n, d)."""
+    return np.asarray(np.sqrt(np.einsum("njj->nj", np.linalg.inv(metrics))))
+
+
 def eigenvector_metrics(matrices: Floats) -> tuple[Floats, Bools]:
     """Return metrics (n, d, d) with eigenvectors as axes, in which all directions weigh the same.
 

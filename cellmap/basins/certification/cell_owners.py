@@ -21,6 +21,7 @@ from ...maps.grid import CellGrid, Locator, grid_points
 from ...maps.orbit_batch import CHUNK, Orbits, Status
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Cover
+from ...orbits.ellipsoids import half_widths
 from ..record import Basins
 from .table_errors import UNRESOLVED, TableErrors, images_of
 
@@ -75,7 +76,7 @@ class Setting:
             escapes=point_map.escapes,
             place=(np.array(grid.lower), 1.0 / grid.widths, cells, circle),
             neighbourhoods=catalogue.regions,
-            reaches=_reaches(catalogue.regions) * (1.0 + 1e-9),
+            reaches=half_widths(catalogue.regions.metrics) * (1.0 + 1e-9),
             overhangs=_overhangs(grid, catalogue),
         )
 
@@ -185,17 +186,12 @@ def _around(dimension: int, step: float) -> Floats:
     return step * (2.0 * np.array(list(np.ndindex((2,) * dimension))) - 1.0)
 
 
-def _reaches(regions: Regions) -> Floats:
-    """Return how far ellipsoids reach from their centres along each axis, shape (n, d)."""
-    return np.asarray(np.sqrt(np.einsum("njj->nj", np.linalg.inv(regions.metrics))))
-
-
 def _overhangs(grid: CellGrid, catalogue: Catalogue) -> Ints:
     """Return boxes of cells, first and last, that hold the attractors which reach out of the table's window.
 
     An orbit that leaves the window there is captured before it counts as escaped.  Along angles boxes have no ends.
     """
-    reach = _reaches(catalogue.regions)
+    reach = half_widths(catalogue.regions.metrics)
     corners = [catalogue.regions.centres - reach, *(c.lower + c.boxes * c.widths for _, c, _ in catalogue.covers)]
     sizes = [2.0 * reach, *(np.broadcast_to(c.widths, c.boxes.shape) for _, c, _ in catalogue.covers)]
     low = in_turn(np.concatenate(corners), np.array(grid.lower), catalogue.turn)
