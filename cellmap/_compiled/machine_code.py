@@ -94,7 +94,7 @@ def key_of_object(source: str, level: int) -> str:
 def loop_code(text: str) -> bytes:
     """Return the object file for this processor of a module of loops, with vectors where they make loops faster."""
     triple, cpu, features = _host()
-    machine = _target_machine(triple, cpu, features)
+    machine = _back_end(triple, cpu, features)
     module = _parsed(text, triple, machine)
     tuning = llvm.create_pipeline_tuning_options(speed_level=_LEVEL)
     tuning.loop_unrolling = False
@@ -106,13 +106,13 @@ def loop_code(text: str) -> bytes:
 
 def object_code(text: str, triple: str, cpu: str, features: str, level: int = _LEVEL) -> bytes:
     """Return the object file of a module for a processor, this one or another."""
-    machine = _target_machine(triple, cpu, features, level)
+    machine = _back_end(triple, cpu, features, level)
     return bytes(machine.emit_object(_optimised(text, triple, cpu, features)))
 
 
 def assembly_for(text: str, triple: str, cpu: str, features: str) -> str:
     """Return the instructions of a processor that a module is compiled to."""
-    return str(_target_machine(triple, cpu, features).emit_assembly(_optimised(text, triple, cpu, features)))
+    return str(_back_end(triple, cpu, features).emit_assembly(_optimised(text, triple, cpu, features)))
 
 
 def vector_width() -> int:
@@ -123,6 +123,12 @@ def vector_width() -> int:
 @functools.cache
 def _host() -> tuple[str, str, str]:
     return llvm.get_default_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+
+
+@functools.cache
+def _back_end(triple: str, cpu: str, features: str, level: int = _LEVEL) -> Any:
+    """Return the back end that modules for a processor share: to make one takes as long as to compile a small map."""
+    return _target_machine(triple, cpu, features, level)
 
 
 def _target_machine(triple: str, cpu: str, features: str, level: int = _LEVEL) -> Any:
@@ -142,7 +148,7 @@ def _optimised(text: str, triple: str, cpu: str, features: str) -> Any:
     The text is vector code without repetitions already.  What is left to find are terms that functions inlined side by
     side share; more passes take longer and gain nothing that could be measured.
     """
-    machine = _target_machine(triple, cpu, features)
+    machine = _back_end(triple, cpu, features)
     module = _parsed(text, triple, machine)
     builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=_LEVEL))
     passes = llvm.create_new_function_pass_manager()
