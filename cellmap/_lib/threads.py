@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -25,6 +26,9 @@ _KEPT = 4  # pools without work
 
 _count: int | None = None
 _idle: list[tuple[int, ThreadPoolExecutor]] = []
+_SMALL = 4  # rows of matrices for which linear algebra never takes threads
+_limits: list[Any] = []  # on its threads, one for each that asks for them: the first is in force
+_limiting = threading.Lock()
 at_fork(_idle.clear)  # their threads stay behind
 
 
@@ -61,6 +65,31 @@ def set_threads(count: int | None) -> None:
     """
     global _count
     _count = None if count is None else whole_number("count", count, at_least=1)
+
+
+@contextmanager
+def linear_algebra_on_one_thread(rows: int) -> Iterator[None]:
+    """Keep products and factors of matrices with some rows on the thread that asks for them, in this process.
+
+    For matrices of some dozens of rows the libraries take all cores, wait for those that other threads are on, and gain
+    nothing; their last bits may depend on the number of threads.
+    """
+    if rows <= _SMALL:
+        yield
+        return
+    from threadpoolctl import threadpool_limits
+
+    with _limiting:
+        _limits.append(None if _limits else threadpool_limits(1, "blas"))
+    try:
+        yield
+    finally:
+        with _limiting:
+            # Whoever is the last to leave takes the limits away.
+            if len(_limits) > 1:
+                _limits.pop()
+            else:
+                _limits.pop().restore_original_limits()
 
 
 def slices(total: int, size: int) -> list[slice]:

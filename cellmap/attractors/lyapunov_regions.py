@@ -17,7 +17,7 @@ Afford = Callable[[int], bool]
 
 _SAFETY = 2.0  # times the nonlinear remainder that is seen has to fit into the contraction margin
 _WORST = 8  # directions whose sums and differences are looked at as well
-_CONTRACTING, _MOST = 0.7, 64  # largest factor of as many steps as are taken together, at most
+_CONTRACTING, _MOST = 0.9, 64  # largest factor of as many steps as are taken together, at most
 _ATTEMPTS = 16  # radii that are tried
 _GUESSED = 0.5  # part of the margin on directions that are not known to be the worst ones
 _USUAL = 2  # times as many images as a whole surface takes

@@ -13,6 +13,7 @@ from .._lib.arrays import Floats, Ints, evenly
 from .._lib.checks import affordable_number, warn_caller, whole_number
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
+from .._lib.threads import linear_algebra_on_one_thread
 from ..maps.coordinates import check_no_window, state_points, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
@@ -115,14 +116,15 @@ def find_attractors(
     max_periods = whole_number("max_periods", max_periods, at_least=1)
     longest_period = affordable_period(longest_period)
     warn_of_small_states_ahead(point_map, states)
-    quotient = quotient_of(point_map, states)
-    if quotient is None:
-        found, reasons, labels = _found_by_all(point_map, states, attractors, max_periods, longest_period)
-    else:
-        known = [quotient.lowered(a) for a in attractors]
-        places = quotient.projected(states)
-        found, reasons, labels = _found_by_all(quotient.point_map, places, known, max_periods, longest_period)
-        found = [quotient.lifted(a, point_map) for a in found]
+    with linear_algebra_on_one_thread(point_map.dimension):
+        quotient = quotient_of(point_map, states)
+        if quotient is None:
+            found, reasons, labels = _found_by_all(point_map, states, attractors, max_periods, longest_period)
+        else:
+            known = [quotient.lowered(a) for a in attractors]
+            places = quotient.projected(states)
+            found, reasons, labels = _found_by_all(quotient.point_map, places, known, max_periods, longest_period)
+            found = [quotient.lifted(a, point_map) for a in found]
     if not found:
         warn_caller(_nothing_found(labels, reasons, max_periods), UnsettledWarning)
     return tuple(sorted(found, key=sort_key))

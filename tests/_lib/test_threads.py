@@ -9,10 +9,28 @@ import time
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from cellmap import set_threads, thread_count
-from cellmap._lib.threads import results_of, run_over, slices
+from cellmap._lib.threads import linear_algebra_on_one_thread, results_of, run_over, slices
 from cellmap.utils import progress_bar
+
+
+def threads_of_linear_algebra() -> int:
+    return max(library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas")
+
+
+def test_linear_algebra_stays_on_one_thread_until_the_last_has_left() -> None:
+    with threadpool_limits(2, "blas"):
+        first, second = linear_algebra_on_one_thread(80), linear_algebra_on_one_thread(5)
+        with linear_algebra_on_one_thread(4):
+            assert threads_of_linear_algebra() == 2
+        first.__enter__()
+        second.__enter__()
+        first.__exit__(None, None, None)
+        assert threads_of_linear_algebra() == 1
+        second.__exit__(None, None, None)
+        assert threads_of_linear_algebra() == 2
 
 
 @given(st.integers(0, 10_000), st.integers(1, 5000))
