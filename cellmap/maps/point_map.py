@@ -21,6 +21,7 @@ from .cell_table import CellTable, MapError
 from .compiled_advance import recorded
 from .coordinates import Coordinate, difference, state_points, turns_of
 from .orbit_batch import CHUNK, Cost, Orbits, Status
+from .side_by_side import parts_of
 from .specification import MapSpec
 
 
@@ -310,7 +311,7 @@ def follow(point_map: PointMap, points: ArrayLike, periods: int, progress: bool 
     orbits.wrap(*turns_of(point_map.coordinates))
     orbits.rotations[:] = 0
     label = f"{periods} periods of {point_map.name}" if progress else None
-    parts = slices(len(orbits), CHUNK)
+    parts = parts_of(orbits.points.shape, periods) if client is None else slices(len(orbits), CHUNK)
     work = _Advanced(point_map, periods, in_place=client is None)
     for number, images in completed(range(len(parts)), lambda k: orbits[parts[k]], work, client, label):
         if client is not None:
@@ -353,7 +354,7 @@ def history(point_map: PointMap, points: ArrayLike, periods: int, progress: bool
     wrap_rows(history[0], rotations[0], lower, turn)
     rotations[0] = 0
     label = f"orbits of {point_map.name}" if progress else None
-    parts = slices(history.shape[1], CHUNK)
+    parts = parts_of(history.shape[1:], periods)
     with progress_bar(periods * len(parts), label) as tick:
 
         def follow_part(part: slice) -> None:

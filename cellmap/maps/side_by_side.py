@@ -7,12 +7,22 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from .._lib.threads import run_over, slices, thread_count
-from .orbit_batch import Orbits, Work
+from .orbit_batch import CHUNK, Orbits, Work
 
 _TRIED = 16  # orbits that are moved on first, for the time that they take
 _WORTH = 4e-3  # seconds that the others have to take
 _FEWEST = 16  # orbits in a part
 _PARTS = 4  # for each thread
+_COSTLY = 1 << 16  # numbers of all images from which on orbits are cut for threads,
+_FULL = 256  # and orbits of a part that keep vectors filled
+
+
+def parts_of(shape: tuple[int, ...], periods: int) -> list[slice]:
+    """Cut orbits (n, d) that move by some periods into parts for all threads."""
+    number, dimension = shape
+    threads = thread_count()
+    alone = threads == 1 or number * dimension * periods < _COSTLY
+    return slices(number, CHUNK if alone else min(CHUNK, max(_FULL, -(-number // (_PARTS * threads)))))
 
 
 def advance_on_threads(advance: Callable[[Orbits, int], None], orbits: Orbits, periods: int) -> None:
