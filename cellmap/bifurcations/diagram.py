@@ -33,6 +33,7 @@ from .period_measures import Quantity, measured, measured_along
 
 _UNSETTLED = 10.0  # extrapolation falls short by a factor 6 at a period doubling, where returns shrink as k^(-3/2)
 _FEWEST = 20
+_GOLDEN = 0.6180339887498949  # whose multiples differ most from one another, up to whole numbers
 _DIRECTIONS = {"up": ("up",), "down": ("down",), "both": ("up", "down"), "none": ("none",)}
 
 
@@ -201,7 +202,8 @@ def bifurcation_diagram(
     values : array_like, shape (n,)
         Parameter values, increasing or decreasing, in its unit.
     initial_conditions : array_like, shape (dimension,) or (starts, dimension)
-        Initial conditions.
+        Initial conditions: at the first value of each direction, thus at the smallest one of "up".  Attractors that
+        are known at a value between are followed in two diagrams, from there up and from there down.
     follow : {"both", "up", "down", "none"}, optional
         Follow orbits to larger values, to smaller values or both; with ``"none"`` every orbit begins at the given
         initial condition.
@@ -216,7 +218,8 @@ def bifurcation_diagram(
         coordinates relative to their largest size in the diagram, or to `perturbation` if that is larger.
     perturbation : float or array_like, shape (dimension,), optional
         Perturbation of followed orbits at each value, in the units of the coordinates: without one, an orbit on an
-        equilibrium stays on it after it has become unstable.
+        equilibrium stays on it after it has become unstable.  One number is the largest component: the others are
+        different parts of it, so that an orbit also leaves a set that a symmetry keeps, such as ``x = y``.
     exponents : bool, optional
         Compute Lyapunov exponents, from exact derivatives along the recorded orbits.
     progress : bool, optional
@@ -269,7 +272,8 @@ def bifurcation_diagram(
         )
     tolerance = finite_number("tolerance", tolerance, above=0.0)
     shift = real_array("perturbation", perturbation)
-    shift = finite_points("perturbation", np.full(d, shift) if shift.ndim == 0 else shift, d)
+    parts = 1.0 - 0.5 * (_GOLDEN * np.arange(d) % 1.0)
+    shift = finite_points("perturbation", shift * parts if shift.ndim == 0 else shift, d)
     if shift.ndim != 1:
         raise ValueError(f"perturbation={shown(perturbation)}: give one number, or one for each of {d} coordinates")
     directions = tuple(way for way in _DIRECTIONS[follow] for _ in given.reshape(-1, d))

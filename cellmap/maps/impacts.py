@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .._lib.checks import one_of
+import numpy as np
+
+from .._compiled.codegen.expression import ImpureError
+from .._lib.checks import one_of, shown
+from .coordinates import Coordinate
+from .misread import PLACES, called_twice, differ, short
 
 StateFunction = Callable[[float, Sequence[float], Any], Any]
 
@@ -71,3 +77,53 @@ def _followed(
     if before is None:
         return lambda t, x, p: (sign * guard(t, x, p), solid, *reset(t, x, p))
     return lambda t, x, p: (*before(t, x, p), sign * guard(t, x, p), solid, *reset(t, x, p))
+
+
+def try_impact(k: int, impact: Impact, period: float, axes: Sequence[Coordinate], parameters: Any) -> None:
+    """Call the guard and the reset of the k-th impact of a system; check what they return, and their angles."""
+    place = tuple(0.1 + 0.73 * j / max(len(axes), 1) for j in range(len(axes)))
+    for name, count in (("guard", 1), ("reset", len(axes))):
+        try:
+            arguments = (PLACES[0] * period, place, parameters)
+            found = called_twice(f"impacts[{k}].{name}", getattr(impact, name), *arguments)
+        except ImpureError:
+            raise
+        except (AttributeError, IndexError, TypeError) as error:
+            raise ValueError(f"impacts[{k}].{name} fails at {place}: {error}") from error
+        except Exception:
+            continue  # outside the domain of the function
+        values = np.atleast_1d(np.array(found, dtype=object))
+        if len(values) != count or not all(isinstance(v, int | float | np.number) for v in values):
+            what = "a number" if name == "guard" else f"the {count} state variables after the impact"
+            raise ValueError(f"impacts[{k}].{name} returns {shown(found)}: return {what}")
+    for fraction, (j, c) in itertools.product(PLACES, enumerate(axes)):
+        if c.period is not None:
+            there = (*place[:j], place[j] + c.period, *place[j + 1 :])
+            _try_turn(k, impact, fraction * period, place, there, (j, c, c.period), parameters)
+
+
+def _try_turn(
+    k: int,
+    impact: Impact,
+    t: float,
+    here: tuple[float, ...],
+    there: tuple[float, ...],
+    angle: tuple[int, Coordinate, float],
+    parameters: Any,
+) -> None:
+    """Check that an impact is the same one turn of an angle further on."""
+    j, c, turn = angle
+    try:
+        guards = [(float(np.squeeze(impact.guard(t, x, parameters))),) for x in (here, there)]
+        before, after = (tuple(map(float, impact.reset(t, x, parameters))) for x in (here, there))
+    except Exception:
+        return  # outside the domain of a function
+    resets = [before, (*after[:j], after[j] - round((after[j] - before[j]) / turn) * turn, *after[j + 1 :])]
+    for name, (first, further) in (("guard", guards), ("reset", resets)):
+        if differ(first, further):
+            raise ValueError(
+                f"impacts[{k}].{name} is {short(first)} and one period of {c.name} further on {short(further)}, as if "
+                f"only one turn of this angle had the impact: write it with functions of that period, such as sin; or, "
+                f"where walls keep {c.name} from going round, give the name alone as its coordinate, and a wall on "
+                "either side"
+            )

@@ -15,6 +15,9 @@ from .._compiled.kernels.blocks import LANES
 from .._lib.arrays import Floats
 from .coordinates import Coordinate
 
+PLACES = (0.01370521, 0.21093467, 0.47316089, 0.83052713)
+"""Times in periods where nobody lets a forcing jump: one and that a period later might see other sides there."""
+
 
 def called_twice(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
     """Return the value of a function.
@@ -143,3 +146,14 @@ def check_compiled(
                 f"{name} is {expected.tolist()} at {x.tolist()}, but {found.tolist()} once it is compiled: its whole "
                 "numbers are larger than 2**63, or it does what has another meaning there; compute with floats"
             )
+
+
+def short(values: Sequence[float]) -> str:
+    """Return numbers in words, in parentheses."""
+    return f"({', '.join(f'{v:.6g}' for v in values)})"
+
+
+def differ(a: Sequence[float], b: Sequence[float]) -> bool:
+    """Tell whether finite values differ by more than rounding and an approximate period explain."""
+    scale = max(1e-300, *(abs(v) for v in (*a, *b)))
+    return bool(np.isfinite((*a, *b)).all()) and max(abs(p - q) for p, q in zip(a, b, strict=True)) > 1e-7 * scale

@@ -30,8 +30,8 @@ from .._lib.checks import (
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates
-from .impacts import Impact, joined
-from .misread import called_twice, lacking, misread
+from .impacts import Impact, joined, try_impact
+from .misread import PLACES, called_twice, differ, lacking, misread, short
 
 RightHandSide = Callable[..., Sequence[float]]
 """``rhs(t, x, p)``, or ``rhs(t, x, p, s)`` with the signs of switching functions."""
@@ -136,7 +136,8 @@ class ForcedSystem:
             text(f"parameter_units[{known_parameter('parameter_units', name, self.params, 'system')!r}]", unit)
         finite_number("period", self.length, above=0.0)
         self._try_right_hand_side()
-        self._try_impacts()
+        for k, impact in enumerate(self.impacts):
+            try_impact(k, impact, self.length, self.axes, self.parameters)
 
     def __repr__(self) -> str:
         values = parameters_in_words(self.params)
@@ -199,7 +200,7 @@ class ForcedSystem:
             for fraction in times:
                 try:
                     pair = [self.derivative(fraction * length + s, places) for s in (0.0, after)]
-                    if not np.isfinite(pair).all() or _differ(*pair):
+                    if not np.isfinite(pair).all() or differ(*pair):
                         return False
                 except Exception:
                     return False  # outside the domain of the right-hand side
@@ -208,7 +209,24 @@ class ForcedSystem:
         # No whole fraction of a period is an irrational one of it.
         if all(repeats(f * length, _TIMES) for f in (0.2360679775, 0.4142135624, 0.7320508076)):
             return 0.0
-        return next((length / n for n in range(_MOST_CYCLES, 1, -1) if repeats(length / n, _TIMES)), length)
+        times: tuple[float, ...] = _TIMES
+        seen = next((n for n in range(_MOST_CYCLES, 1, -1) if repeats(length / n, times)), 1)
+        if seen > 1:  # a forcing that rests between jumps or pulses shows its period there alone
+            times = (*self._times_of_change(places), *_TIMES)
+            seen = next((n for n in range(seen, 1, -1) if repeats(length / n, times)), 1)
+        return length / seen
+
+    def _times_of_change(self, state: Sequence[float]) -> list[float]:
+        """Return times in periods at which the right-hand side changes most until the next of many."""
+        grid = (np.arange(_MOST_CYCLES + 25) + 0.37) / (_MOST_CYCLES + 24)
+        rows = []
+        for fraction in grid.tolist():
+            try:
+                rows.append(np.array(self.derivative(fraction * self.length, state), dtype=float))
+            except Exception:
+                rows.append(np.full(self.dimension, np.nan))
+        change = np.nan_to_num(np.abs(np.diff(rows, axis=0)).max(axis=1))
+        return [float(grid[k]) for k in np.argsort(-change, kind="stable")[: len(_TIMES)]]
 
     @property
     def cycles(self) -> str:
@@ -304,25 +322,6 @@ class ForcedSystem:
         function = over_arrays(self.outputs[name])
         return np.stack(np.broadcast_arrays(times, *function(times, tuple(columns), self.parameters))[1:], axis=-1)
 
-    def _try_impacts(self) -> None:
-        """Call guards and resets at a state; check what they return."""
-        place = tuple(0.1 + 0.73 * j / max(self.dimension, 1) for j in range(self.dimension))
-        for k, impact in enumerate(self.impacts):
-            for name, count in (("guard", 1), ("reset", self.dimension)):
-                try:
-                    arguments = (0.01370521 * self.length, place, self.parameters)
-                    found = called_twice(f"impacts[{k}].{name}", getattr(impact, name), *arguments)
-                except ImpureError:
-                    raise
-                except (AttributeError, IndexError, TypeError) as error:
-                    raise ValueError(f"impacts[{k}].{name} fails at {place}: {error}") from error
-                except Exception:
-                    continue  # outside the domain of the function
-                values = np.atleast_1d(np.array(found, dtype=object))
-                if len(values) != count or not all(isinstance(v, int | float | np.number) for v in values):
-                    what = "a number" if name == "guard" else f"the {count} state variables after the impact"
-                    raise ValueError(f"impacts[{k}].{name} returns {shown(found)}: return {what}")
-
     def _try_right_hand_side(self) -> None:
         """Call the right-hand side at a few times and states; check what it returns, its period and its angles."""
         places = [0.1 + 0.73 * j / max(self.dimension, 1) for j in range(self.dimension)]
@@ -331,8 +330,7 @@ class ForcedSystem:
         failure: Exception | None = None
         checked = False
         before = captured(self.rhs)
-        # No place where somebody lets a forcing jump: there a time and the same one a period later may see other sides.
-        for fraction in (0.01370521, 0.21093467, 0.47316089, 0.83052713):
+        for fraction in PLACES:
             t = fraction * self.length
             try:
                 now, later = (
@@ -361,16 +359,16 @@ class ForcedSystem:
                 continue  # outside the domain of a power
             if not all(isinstance(v, int | float | np.floating | np.integer) for v in now):
                 raise TypeError(f"rhs returns {now!r}: its components must be real numbers")
-            if _differ(now, later):
+            if differ(now, later):
                 raise ValueError(
-                    f"period={self.length!r}: {functions} at t = {t:g} is {_short(now)} and one period later "
-                    f"{_short(later)}; give the period of the forcing (any positive number for an autonomous system). "
+                    f"period={self.length!r}: {functions} at t = {t:g} is {short(now)} and one period later "
+                    f"{short(later)}; give the period of the forcing (any positive number for an autonomous system). "
                     "What happens at one time only, as `if t < 1`, is not periodic: such times cannot be used"
                 )
             for (_, c), there in zip(angles, turned, strict=True):
-                if _differ(now, there):
+                if differ(now, there):
                     raise ValueError(
-                        f"coordinates: rhs is {_short(now)} and one period of {c.name} further on {_short(there)}, so "
+                        f"coordinates: rhs is {short(now)} and one period of {c.name} further on {short(there)}, so "
                         f"{c.name} is not an angle of period {c.period:g}; give period= its period, or the "
                         "name alone if it is no angle"
                     )
@@ -391,13 +389,3 @@ class ForcedSystem:
                 f"rhs fails at every state tried, such as {tuple(places)} ({failure}): check its domain, and that "
                 "there is one coordinate for each state variable"
             ) from failure
-
-
-def _short(values: Sequence[float]) -> str:
-    return f"({', '.join(f'{v:.6g}' for v in values)})"
-
-
-def _differ(a: Sequence[float], b: Sequence[float]) -> bool:
-    """Whether finite values differ by more than rounding and an approximate period explain."""
-    scale = max(1e-300, *(abs(v) for v in (*a, *b)))
-    return bool(np.isfinite((*a, *b)).all()) and max(abs(p - q) for p, q in zip(a, b, strict=True)) > 1e-7 * scale

@@ -322,3 +322,17 @@ def test_figure_of_no_coordinate(duffing, coordinate, message):
         plot.bifurcation_diagram(duffing, coordinate=coordinate)
     with pytest.raises(TypeError, match="diagram="):
         plot.bifurcation_diagram(3)
+
+
+def test_orbits_leave_a_set_that_a_symmetry_keeps():
+    """Kopel's duopoly: x = y is kept by the map, and its fixed point 1 - 1/mu is a saddle beyond mu = 3."""
+
+    def duopoly(x, p):
+        return tuple((x[i] + p.mu * x[1 - i] * (1 - x[1 - i])) / 2 for i in range(2))
+
+    exact = discrete_map(duopoly, {"mu": 3.0}, ("x", "y"))
+    last = np.sort(bifurcation_diagram(exact, "mu", [2.9, 3.1, 3.3], [0.6, 0.6], follow="up").points[0, :, -1])
+    assert last[0] == pytest.approx(1 - 1 / 2.9, abs=1e-5)
+    for found, mu in zip(last[1:], (3.1, 3.3), strict=True):
+        cycle = np.sort(np.roots([1.0, -(1 + 1 / mu), (1 + 1 / mu) / mu]))  # of the second iterate of mu x (1 - x)
+        assert found == pytest.approx(cycle, abs=1e-5)

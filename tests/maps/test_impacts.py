@@ -27,6 +27,10 @@ def falling(t, x, p):
     return x[1], -p.g
 
 
+def turning(t, x, p):
+    return x[1], -p.g * sin(x[0])
+
+
 def oscillator(t, x, p):
     return x[1], -x[0] - 2 * p.damping * x[1] + p.force * cos(p.omega * t)
 
@@ -295,6 +299,28 @@ def test_parameters_share_what_is_compiled():
 def test_impacts_that_are_none(impacts, message):
     with pytest.raises((TypeError, ValueError), match=message):
         ForcedSystem(falling, {"g": 1.0}, 1.0, ("h", "v"), impacts=impacts)
+
+
+@pytest.mark.parametrize(
+    ("guard", "reset", "which"),
+    [
+        (lambda t, x, p: 2.0 - x[0], lambda t, x, p: (x[0], -x[1]), "guard"),
+        (lambda t, x, p: sin((2.0 - x[0]) / 2), lambda t, x, p: (x[0], -x[1]), "guard"),
+        (lambda t, x, p: sin(2.0 - x[0]), lambda t, x, p: (x[0], -x[1] * x[0]), "reset"),
+        (lambda t, x, p: sin(2.0 - x[0]), lambda t, x, p: (-x[0], -x[1]), ""),
+    ],
+)
+def test_an_impact_is_alike_at_every_turn_of_an_angle(guard, reset, which):
+    def made():
+        return ForcedSystem(turning, {"g": 1.0}, 1.0, (angle("theta"), "v"), impacts=[Impact(guard, reset)])
+
+    if not which:
+        assert made().impacts
+        return
+    with pytest.raises(
+        ValueError, match=rf"impacts\[0\].{which} is .* one period of theta further on .*: write it with"
+    ):
+        made()
 
 
 def test_directions():

@@ -25,6 +25,10 @@ CASES = {
     "a thousand": (lambda t: sin(2000 * pi * t), 1.0, 1000),
     "half a period of a square": (lambda t: cos(t) ** 2, 2 * pi, 2),
     "a pulse": (lambda t: exp(-200.0 * sin(t / 2) ** 2), 6 * pi, 3),
+    "a square wave": (lambda t: 1.0 if t % 1.0 < 0.25 else -1.0, 1.0, 1),
+    "three square waves": (lambda t: 1.0 if t % 1.0 < 0.25 else -1.0, 3.0, 3),
+    "a short rectangular pulse": (lambda t: 1.0 if t % 1.0 < 0.002 else 0.0, 1.0, 1),
+    "rest between half waves": (lambda t: max(0.0, sin(2 * pi * t) - 0.999), 1.0, 1),
     "one pulse in a fast drive": (lambda t: cos(10 * t) + exp(-50.0 * sin(t / 2) ** 2), 2 * pi, 1),
 }
 
