@@ -171,7 +171,11 @@ def finite_points(name: str, points: ArrayLike, dimension: int) -> Floats:
     """Return points as a new C-contiguous array of shape (..., dimension), all finite."""
     array = real_array(name, points, f"real numbers in an array of shape (..., {dimension})")
     if array.ndim == 0 or array.shape[-1] != dimension:
-        raise ValueError(f"{name} has shape {array.shape}: its last axis must hold the {dimension} state variables")
+        first = array.ndim > 1 and array.shape[0] == dimension
+        remedy = f"; the first one does, so give np.moveaxis({name}, 0, -1)" if first else ""
+        raise ValueError(
+            f"{name} has shape {array.shape}: its last axis must hold the {dimension} state variables{remedy}"
+        )
     if not np.isfinite(array).all():
         bad = np.argwhere(~np.isfinite(array))[0]
         raise ValueError(f"{name}{[int(i) for i in bad]} = {array[tuple(bad)]}: remove points that are not finite")

@@ -111,7 +111,7 @@ def _try_turn(
     angle: tuple[int, Coordinate, float],
     parameters: Any,
 ) -> None:
-    """Check that an impact is the same one turn of an angle further on."""
+    """Check that an impact is the same one period of an angle further on."""
     j, c, turn = angle
     try:
         guards = [(float(np.squeeze(impact.guard(t, x, parameters))),) for x in (here, there)]
@@ -122,8 +122,8 @@ def _try_turn(
     for name, (first, further) in (("guard", guards), ("reset", resets)):
         if differ(first, further):
             raise ValueError(
-                f"impacts[{k}].{name} is {short(first)} and one period of {c.name} further on {short(further)}, as if "
-                f"only one turn of this angle had the impact: write it with functions of that period, such as sin; or, "
-                f"where walls keep {c.name} from going round, give the name alone as its coordinate, and a wall on "
+                f"impacts[{k}].{name} is {short(first)} and one period of {c.name} further on {short(further)}, but an "
+                "angle meets it in every full rotation: write it with functions of that period, such as sin; or, where "
+                f"walls let {c.name} make no full rotation, give the name alone as its coordinate, and a wall on "
                 "either side"
             )
