@@ -174,7 +174,7 @@ bench: $(INSTALLED)bench
 bench-history: env
 	$(RUN) tests/bench/history.py
 
-# Studies and programs of pages run in one process, with all threads.
+# Studies run beside the programs of pages.
 docs: env-docs
 	$(RUN) -m sphinx -q -W --keep-going docs docs/_build/html
 	@echo "The site starts at $(CURDIR)/docs/_build/html/index.html"

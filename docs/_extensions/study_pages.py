@@ -8,6 +8,7 @@ import inspect
 import os
 import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
@@ -30,6 +31,7 @@ GALLERY = "<!-- what the studies draw and print -->"
 
 ROOT = Path(__file__).parents[2]
 GENERATED = ROOT / "docs" / "generated"
+_beside: list[subprocess.Popen[bytes]] = []  # the process of the studies
 
 
 def exports(package: ModuleType) -> str:
@@ -79,6 +81,20 @@ def results(study: str) -> Path:
             importlib.import_module(f"studies.{study}").main(quick=True, output=folder)
 
     return kept(study, [*sources, hard_cases.TABLE], run)
+
+
+def begin_studies(app: Sphinx, *_: object) -> None:
+    """Run the studies in a process of their own, beside the programs of the gallery and of pages."""
+    if computes():
+        program = "import study_pages as pages\nfor study in pages.study_names(): pages.results(study)"
+        paths = os.pathsep.join([str(Path(__file__).parent), str(ROOT)])
+        _beside.append(subprocess.Popen([sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": paths}))
+
+
+def end_studies(*_: object) -> None:
+    """Wait for the studies; those that have failed run again where their results are asked for, and say why."""
+    while _beside:
+        _beside.pop().wait()
 
 
 def kept(name: str, sources: Sequence[Path], make: Callable[[Path], None]) -> Path:
@@ -167,7 +183,10 @@ def pages_that_are_computed(app: Sphinx, *_: object) -> list[str]:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the hooks."""
+    """Register the hooks: studies begin first, and are waited for when all figures are drawn."""
+    app.connect("config-inited", begin_studies)
+    app.connect("builder-inited", end_studies, priority=970)
+    app.connect("build-finished", end_studies)
     app.connect("source-read", fill_page)
     app.connect("env-get-outdated", pages_that_are_computed)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
