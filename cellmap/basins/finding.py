@@ -16,7 +16,6 @@ from .._lib.checks import finite_number, whole_number
 from .._lib.files import as_target, locked
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
-from .._lib.threads import linear_algebra_on_one_thread
 from .._lib.tiles import check_client
 from ..attractors.search import affordable_period, check_attractors
 from ..maps.grid import CellGrid
@@ -50,9 +49,7 @@ def labelled(
         store = label_store(point_map, places, settings, attractors, path)
         if (found := store.finished()) is None:
             run = Run(point_map, places, store, max_periods, 0, client, searching=False)
-            with linear_algebra_on_one_thread(point_map.dimension):
-                for _ in run.tiles(attractors):
-                    pass
+            run.to_the_end(attractors)
             every = list(range(len(attractors)))
             found = replace(run.described(settings, 0.0), attractors=tuple(attractors))
             found = store.finish(found, new_numbers(every, np.array(every, np.int64)))
@@ -179,9 +176,7 @@ def find_basins(
             return replace(finished, point_map=point_map)
         warn_of_small_states_ahead(point_map, places.points(evenly(len(places), ORBITS)))
         run = Run(point_map, places, store, max_periods, longest_period, client, progress, Stop(limit))
-        with linear_algebra_on_one_thread(point_map.dimension):
-            for _ in run.tiles(attractors):
-                pass
+        run.to_the_end(attractors)
         basins = run.result(settings, time.perf_counter() - began)
     warn_of_doubts(basins, store.release)
     return basins

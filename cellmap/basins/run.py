@@ -17,7 +17,7 @@ from .._lib.arrays import Floats, Ints
 from .._lib.checks import claim_memory, warn_caller
 from .._lib.records import Keyed
 from .._lib.stopping import Stop, Stopped, heeding
-from .._lib.threads import slices
+from .._lib.threads import linear_algebra_on_one_thread, slices
 from .._lib.tiles import completed
 from ..attractors.chaos import examine
 from ..attractors.continua import joined_continua
@@ -76,6 +76,12 @@ class Run:
     spent: list[float] = field(default_factory=list)
     quotient: Quotient | None = None
     searching: bool = True
+
+    def to_the_end(self, known: Sequence[Attractor]) -> None:
+        """Label all initial conditions."""
+        with linear_algebra_on_one_thread(self.point_map.dimension):
+            for _ in self.tiles(known):
+                pass
 
     def tiles(self, known: Sequence[Attractor]) -> Iterator[int]:
         """Find attractors from a sample, label all initial conditions, and search the active orbits again.

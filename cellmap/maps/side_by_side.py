@@ -20,9 +20,13 @@ _FULL = 256  # and orbits of a part that keep vectors filled
 def parts_of(shape: tuple[int, ...], periods: int) -> list[slice]:
     """Cut orbits (n, d) that move by some periods into parts for all threads."""
     number, dimension = shape
-    threads = thread_count()
-    alone = threads == 1 or number * dimension * periods < _COSTLY
-    return slices(number, CHUNK if alone else min(CHUNK, max(_FULL, -(-number // (_PARTS * threads)))))
+    alone = thread_count() == 1 or number * dimension * periods < _COSTLY
+    return slices(number, CHUNK if alone else min(CHUNK, _share(number, _FULL)))
+
+
+def _share(number: int, least: int) -> int:
+    """Return how many orbits make a part, where there are several parts for each thread."""
+    return max(least, -(-number // (_PARTS * thread_count())))
 
 
 def advance_on_threads(advance: Callable[[Orbits, int], None], orbits: Orbits, periods: int) -> None:
@@ -30,7 +34,7 @@ def advance_on_threads(advance: Callable[[Orbits, int], None], orbits: Orbits, p
 
     An image does not depend on the orbits beside it, and so neither on where a batch is cut.
     """
-    if len(orbits) < _TRIED + 2 * _FEWEST or (threads := thread_count()) == 1:
+    if len(orbits) < _TRIED + 2 * _FEWEST or thread_count() == 1:
         advance(orbits, periods)
         return
     began = time.perf_counter()
@@ -40,7 +44,7 @@ def advance_on_threads(advance: Callable[[Orbits, int], None], orbits: Orbits, p
     if (time.perf_counter() - began) * left < _WORTH * _TRIED:
         advance(orbits[rest], periods)
         return
-    cuts = slices(left, max(_FEWEST, -(-left // (_PARTS * threads))))
+    cuts = slices(left, _share(left, _FEWEST))
     # Each part counts its own work: threads would lose some of what they add to one number.
     parts = [replace(orbits[rest][cut], work=Work()) for cut in cuts]
     run_over(parts, lambda part: advance(part, periods))
