@@ -150,10 +150,10 @@ def _first(branch: Branch, value: float, side: int) -> Bifurcation | None:
 def _of_parent(branch: Branch, at: Bifurcation) -> tuple[Branch, Bifurcation]:
     """Return the period doubling, on the branch of its parent, at which an orbit of twice the period is born.
 
-    On the branch of the doubled orbit it looks like a fold.  Other bifurcations are returned as they are.
+    On the branch of the doubled orbit it is a pitchfork of two steps.  Other bifurcations are returned as they are.
     """
     half = branch.period // 2
-    if branch.period % 2 or at.kind is not BifurcationKind.FOLD:
+    if branch.period % 2 or at.kind is not BifurcationKind.PITCHFORK:
         return branch, at
     point_map = branch.point_map.with_params(**{branch.parameter: at.value})
     extent = np.maximum(np.abs(at.point), 1.0)

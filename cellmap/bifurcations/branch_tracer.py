@@ -82,7 +82,7 @@ class BranchTracer:
             if step.length > 0.0:
                 found.extend(replace(b, place=number) for b in events)
                 before, slopes, number = after, (last - first) / step.length, number + 1
-            if any(b.kind in self.stop_at and not b.before for b in events):
+            if any(b.kind in self.stop_at and b.after > b.before == 0 for b in events):
                 return End("bifurcation", step.end)
             if box.contains(step.end) and self.problem.growth(step.end) > self.largest_growth:
                 return End(LARGE, step.end)

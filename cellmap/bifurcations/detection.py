@@ -20,6 +20,7 @@ from .singular_orbits import crossing
 _REAL = 1e-6  # imaginary part of multipliers that are taken for real where two of them meet
 _VERTICAL = 1e-4  # parameter component of the tangent of the branch that a pitchfork gives birth to
 _SINGULAR = 1e-9  # value of a test function on which a step should not end
+_SAME = 1e-3  # scaled distance of a fold from a crossing that are one pitchfork
 _BESIDE, _ON_LINE = 0.03, 1e-11  # scaled displacement along the other branch, and of the parameter there on a line
 _KEPT = 1e-9  # distance of the product of all multipliers from 1 that rounding explains
 _BISECTIONS = 48
@@ -95,6 +96,21 @@ class TestValues:
 
 
 @dataclass(frozen=True, eq=False)
+class _Candidate:
+    """Zero of a test function on a step, how far along, and by how many the number of unstable multipliers changes."""
+
+    along: float
+    kind: BifurcationKind
+    change: int
+    event: Bifurcation
+
+    def is_birth(self) -> bool:
+        """Return whether another branch is crossed where the tangent of this one has no component along the parameter."""
+        crosses = self.event.kind is BifurcationKind.TRANSCRITICAL
+        return crosses and abs(float(self.event._along[-1])) <= _VERTICAL
+
+
+@dataclass(frozen=True, eq=False)
 class Detector:
     """Bifurcation detector: test functions at solution points, and bifurcations between them."""
 
@@ -110,33 +126,34 @@ class Detector:
 
     def events(self, step: ContinuationStep, before: TestValues, after: TestValues) -> tuple[list[Bifurcation], bool]:
         """Return the bifurcations on a step, in its order, and whether they explain what has changed on it."""
-        found: list[tuple[float, BifurcationKind, SolutionPoint]] = []
+        found: list[_Candidate] = []
         held = before.held(after)
         passed = signs(before.without(held)) != signs(after.without(held))
         for kind, changed, leave in zip(
             TESTS, passed & (before.informative | after.informative), held.tolist(), strict=True
         ):
             if changed and (place := self._located(kind, step, leave)) is not None:
-                found.append((step.along(place.unknowns), kind, place))
+                found.append(self._candidate(kind, place, step))
         if not found and before.unstable != after.unstable:
             place = self._where_count_changes(step, before.unstable)
-            found.append((step.along(place.unknowns), self._kind_of_change(place), place))
-        found.sort(key=lambda f: f[0])
-        cuts = [0.5 * (a[0] + b[0]) for a, b in pairwise(found)]
+            found.append(self._candidate(self._kind_of_change(place), place, step))
+        found.sort(key=lambda f: f.along)
+        if passed[TESTS.index(BifurcationKind.FOLD)]:
+            found = _with_pitchfork_of_birth(found)
+        cuts = [0.5 * (a.along + b.along) for a, b in pairwise(found)]
         counts = [before.unstable, *(self._count_at(step, cut, before.unstable) for cut in cuts), after.unstable]
-        if any(kind in _SIMPLE and counts[k] == counts[k + 1] for k, (_, kind, _) in enumerate(found)):
+        if any(f.kind in _SIMPLE and f.change and counts[k] == counts[k + 1] for k, f in enumerate(found)):
             # Between two bifurcations that are close together a multiplier stays within the margin for rounding.
             exact = [self._exactly(p) for p in (step.begin, *(step.at(c) for c in cuts), step.end)]
             counts = [c if e is None else e for c, e in zip(counts, exact, strict=True)]
         events, clear = [], True
-        for k, (_, kind, place) in enumerate(found):
+        for k, candidate in enumerate(found):
             change = abs(counts[k + 1] - counts[k])
             # The product of two real multipliers passes 1 where nothing happens.
-            if kind is BifurcationKind.NEIMARK_SACKER and not change:
+            if candidate.kind is BifurcationKind.NEIMARK_SACKER and not change:
                 continue
-            clear &= change == (0 if kind is BifurcationKind.DEGENERATE else _CHANGES.get(kind, 1))
-            if (event := self._event(kind, place, step)) is not None:
-                events.append(replace(event, before=counts[k], after=counts[k + 1]))
+            clear &= change == candidate.change
+            events.append(replace(candidate.event, before=counts[k], after=counts[k + 1]))
         return events, clear
 
     def _test(self, kind: BifurcationKind, place: SolutionPoint, leave: int = 0) -> float:
@@ -196,8 +213,12 @@ class Detector:
                 return False
         return True
 
-    def _event(self, kind: BifurcationKind, place: SolutionPoint, step: ContinuationStep) -> Bifurcation | None:
-        """Return what is known of a bifurcation, but for the counts; None where it is none."""
+    def _candidate(self, kind: BifurcationKind, place: SolutionPoint, step: ContinuationStep) -> _Candidate:
+        change = 0 if kind is BifurcationKind.DEGENERATE else _CHANGES.get(kind, 1)
+        return _Candidate(step.along(place.unknowns), kind, change, self._event(kind, place, step))
+
+    def _event(self, kind: BifurcationKind, place: SolutionPoint, step: ContinuationStep) -> Bifurcation:
+        """Return what is known of a bifurcation, but for the counts."""
         problem, d = self.problem, self.problem.dimension
         unknowns, along, branch_direction = place.unknowns, place.tangent, None
         if kind is BifurcationKind.PITCHFORK:
@@ -230,6 +251,20 @@ class Detector:
             _problem=problem,
             _branch_direction=branch_direction,
         )
+
+
+def _with_pitchfork_of_birth(found: list[_Candidate]) -> list[_Candidate]:
+    """Return candidates on a step that turns back, with one pitchfork in place of a crossing and the fold there.
+
+    The orbits on both sides are mirror images, with the same number of unstable multipliers.  So near to a crossing the
+    fold may not have been located.
+    """
+    fold = next((c for c in found if c.kind is BifurcationKind.FOLD), None)
+    place = next((c for c in found if c.is_birth()), None)
+    if place is None or (fold is not None and abs(fold.along - place.along) > _SAME):
+        return found
+    pitchfork = replace(place, change=0, event=replace(place.event, kind=BifurcationKind.PITCHFORK))
+    return [pitchfork if c is place else c for c in found if c is not fold]
 
 
 def _is_volume_preserving(multipliers: Complexes) -> bool:

@@ -13,7 +13,8 @@ class BifurcationKind(StrEnum):
     PERIOD_DOUBLING = "period doubling"
     """A multiplier crosses the unit circle at -1."""
     PITCHFORK = "pitchfork"
-    """A multiplier crosses at +1, where the branch meets one that exists on one side of the parameter value only."""
+    """A multiplier crosses at +1, where a branch meets one that exists on one side of the parameter value only.  On the
+    latter the multiplier touches +1.  The period doubling at which orbits are born is one on the branch of these."""
     TRANSCRITICAL = "transcritical"
     """A multiplier crosses at +1, where the branch intersects one that continues on both sides."""
     NEIMARK_SACKER = "Neimark-Sacker"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import cos, pi, sin
+from math import cos, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
 import pytest
-from branch_kinds import DOUBLING, FOLD, NEIMARK_SACKER, PITCHFORK, kinds
+from branch_kinds import DOUBLING, FOLD, NEIMARK_SACKER, PITCHFORK, TRANSCRITICAL, kinds
 
 from cellmap import (
     ForcedSystem,
@@ -196,3 +196,52 @@ def test_a_curve_beside_one_of_neutral_saddles_goes_on_whatever_the_step(gap, be
     q, s = curve.values.T
     np.testing.assert_allclose(q, bend * s**2, atol=1e-11)
     assert np.ptp(s) == pytest.approx(2.0)
+
+
+# Bifurcations on the branch that is born there.
+
+BORN = {
+    # Map, initial orbit, interval, where the pitchfork is, and the number of unstable multipliers beside it.
+    "Kopel": (
+        lambda x, p: tuple((x[i] + p.q * x[1 - i] * (1 - x[1 - i])) / 2 for i in range(2)),
+        (3.2, [0.5, 0.8], (2.5, 3.4)), 3.0, 0,
+    ),
+    "moving centre": (
+        lambda x, p: (x[0] + 0.5 * (p.q * (x[0] - 0.84 * p.q) - (x[0] - 0.84 * p.q) ** 3), 0.2 * x[1]),
+        (0.25, [0.71, 0.0], (-1.0, 1.0)), 0.0, 0,
+    ),
+    "subcritical": (lambda x, p: (x[0] + p.q * x[0] + x[0] ** 3, 0.2 * x[1]), (-0.1, [0.3, 0.0], (-0.3, 0.2)), 0.0, 1),
+    "areas kept": (
+        lambda x, p: (x[0] + x[1] + p.q * x[0] - x[0] ** 3, x[1] + p.q * x[0] - x[0] ** 3),
+        (0.25, [0.5, 0.0], (-0.5, 0.9)), 0.0, 0,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BORN)
+def test_a_pitchfork_is_one_on_the_branch_that_is_born_there(name: str) -> None:
+    step, (value, guess, interval), there, unstable = BORN[name]
+    exact = discrete_map(step, {"q": value}, ("x", "y"))
+    branch = continue_orbit(exact, periodic_orbit(exact, guess), "q", *interval)
+    (found,) = (b for b in branch.bifurcations if abs(b.value - there) < 0.05)
+    assert (found.kind, found.before, found.after) == (PITCHFORK, unstable, unstable)
+    assert found.value == pytest.approx(there, abs=1e-12)
+    symmetric = switch_branch(branch, found, *interval)
+    assert np.ptp(symmetric.values) > 0.1
+    assert [b.kind for b in symmetric.bifurcations if abs(b.value - there) < 0.05] == []
+
+
+def test_a_fold_beside_a_crossing_is_no_pitchfork() -> None:
+    # x = 0 is crossed by x (e - x) = -q, which turns back at x = e/2.
+    exact = discrete_map(lambda x, p: (x[0] * (1.0 + p.q + 1e-3 * x[0] - x[0] ** 2),), {"q": 0.25}, ("x",))
+    branch = continue_orbit(exact, periodic_orbit(exact, [0.5]), "q", -0.5, 0.5)
+    assert kinds(branch) == [TRANSCRITICAL, FOLD]
+    np.testing.assert_allclose([b.value for b in branch.bifurcations], [0.0, -2.5e-7], atol=1e-14)
+
+
+def test_doubled_orbits_are_born_in_a_pitchfork_of_two_steps() -> None:
+    exact = logistic_map(3.3)
+    branch = continue_orbit(exact, periodic_orbit(exact, [0.48], 2), "mu", 2.5, 3.5)
+    assert kinds(branch) == [DOUBLING, PITCHFORK, DOUBLING]
+    edge = 1.0 + sqrt(6.0)
+    np.testing.assert_allclose([b.value for b in branch.bifurcations], [edge, 3.0, edge], rtol=1e-11)
