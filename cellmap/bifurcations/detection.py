@@ -105,7 +105,7 @@ class _Candidate:
     event: Bifurcation
 
     def is_birth(self) -> bool:
-        """Return whether another branch is crossed where the tangent of this one has no component along the parameter."""
+        """Return whether another branch is crossed where this one turns back in the parameter."""
         crosses = self.event.kind is BifurcationKind.TRANSCRITICAL
         return crosses and abs(float(self.event._along[-1])) <= _VERTICAL
 
