@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .._lib.arrays import Bools, Floats, Ints
+from .._lib.threads import thread_count
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from .boxes import boxes_of, in_units, tree_of
@@ -49,7 +50,7 @@ class Clouds:
         counts = np.array([len(s) for s in distinct])
         who = np.repeat(np.arange(len(distinct)), counts)
         tree = tree_of(np.concatenate(distinct), self.size, self.point_map)
-        apart, near = tree.query(tree.data, k=np.arange(2, _NEIGHBOURS + 2))
+        apart, near = tree.query(tree.data, k=np.arange(2, _NEIGHBOURS + 2), workers=thread_count())
         pairs = np.repeat(who, _NEIGHBOURS) * len(counts) + who[np.minimum(near, len(who) - 1)].ravel()
         found = np.bincount(pairs, minlength=len(counts) ** 2).reshape(len(counts), -1)
         mixed = found >= _MIXED * _NEIGHBOURS * np.outer(counts, counts) / counts.sum()
@@ -66,7 +67,7 @@ class Clouds:
         *shape, steps, d = pieces.shape
         points = pieces.reshape(-1, d)
         rows = np.flatnonzero(np.isfinite(points).all(axis=1))
-        apart, near = self._tree.query(in_units(points[rows], self.size, self.point_map))
+        apart, near = self._tree.query(in_units(points[rows], self.size, self.point_map), workers=thread_count())
         on = np.full(len(points), -1)
         on[rows] = np.where(apart <= self._spacing[near], group[self._owners[near]], -1)
         votes = np.array([(on.reshape(-1, steps) == g).sum(axis=1) for g in range(int(group.max()) + 1)])

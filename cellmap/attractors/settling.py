@@ -20,6 +20,7 @@ from ..maps.compiled_advance import UNKNOWN_STEP, CompiledAdvance, recorded
 from ..maps.coordinates import shortest, turns_of, wrap
 from ..maps.orbit_batch import CHUNK, NOTHING, PERIODS_AT_ONCE, Orbits, Status, Tally, Work
 from ..maps.point_map import PointMap
+from ..maps.side_by_side import long_parts, over_parts
 from ..orbits.attractor import Attractor, Cover
 from .boxes import box_keys, boxes_around
 from .labels import LABELS_OF, Label, label_type
@@ -248,8 +249,13 @@ def classify(
 
 def path_of(point_map: PointMap, orbits: Orbits, periods: int) -> Floats:
     """Move orbits on; return where they have been (periods, n, dimension), NaN once they have ended."""
-    parts = recorded(point_map.advance, orbits, periods)
-    return np.concatenate([np.where((s < Status.ESCAPED)[..., None], points, np.nan) for points, _, s in parts])
+
+    def path(part: Orbits) -> Floats:
+        looks = recorded(point_map.advance, part, periods)
+        return np.concatenate([np.where((s < Status.ESCAPED)[..., None], points, np.nan) for points, _, s in looks])
+
+    cuts = long_parts(len(orbits), periods if point_map.is_flow else 0)
+    return np.concatenate(over_parts(orbits, cuts, path), axis=1)
 
 
 def _labelled(

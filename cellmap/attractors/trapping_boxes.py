@@ -194,22 +194,26 @@ class _Images:
         count = np.where(circle, np.minimum(count, size), count)
         known &= (circle | ((low >= 0) & (low + count <= size))).all(axis=1)
         kept[tuple(self.cells[~known].T)] = False
-        cells, low, count = self.cells[known], low[known], count[known]
+        low, count = low[known], count[known]
+        # The number of cells that are kept in a block is a signed sum over its corners.
+        sums = np.zeros(1 + size * (1 + circle), np.int32)
+        strides, inner = np.divide(sums.strides, sums.itemsize).astype(np.int64), (slice(1, None),) * len(size)
         corners = list(itertools.product((0, 1), repeat=len(size)))
+        signs = [(-1) ** (len(size) - sum(corner)) for corner in corners]
+        ends = [(low + count * corner) @ strides for corner in corners]
+        places, number = np.ravel_multi_index(tuple(self.cells[known].T), kept.shape), count.prod(axis=1)
         while True:
             check_stop()
-            sums = np.tile(kept, 1 + circle).astype(np.int64)
-            for axis in range(len(size)):
-                sums = np.cumsum(sums, axis=axis)
-            sums = np.pad(sums, [(1, 0)] * len(size))
-            held = sum((-1) ** (len(size) - sum(c)) * sums[tuple((low + count * c).T)] for c in corners)
-            stays = kept[tuple(cells.T)] & (held == count.prod(axis=1))
+            np.cumsum(np.tile(kept, 1 + circle), axis=0, out=sums[inner])
+            for axis in range(1, len(size)):
+                np.cumsum(sums[inner], axis=axis, out=sums[inner])
+            held = sum(sign * sums.take(end) for sign, end in zip(signs, ends, strict=True))
+            stays = kept.take(places) & (held == number)
             left = np.zeros(kept.shape, bool)
-            left[tuple(cells[stays].T)] = True
+            left.ravel()[places[stays]] = True
             if (left == kept).all():
                 return kept
-            kept = left
-            cells, low, count = cells[stays], low[stays], count[stays]
+            kept, places, number, ends = left, places[stays], number[stays], [end[stays] for end in ends]
 
     def confirmed(self, point_map: PointMap, kept: Bools) -> bool:
         """Tell whether the images of random points in cells that are kept are within the bounds."""

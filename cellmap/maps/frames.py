@@ -7,11 +7,11 @@ import numpy as np
 from .._compiled.kernels.frames import carrying_along_flow
 from .._lib.arrays import Floats
 from .._lib.stopping import check_stop
-from .._lib.threads import run_over, slices, thread_count
+from .._lib.threads import run_over
 from .integration import Flow
 from .orbit_batch import Orbits, portions
+from .side_by_side import long_parts
 
-_FEWEST = 64  # orbits of a thread
 _COSTLY = 4  # periods of orbits that take as long as one with a frame
 
 
@@ -38,5 +38,5 @@ def stretched_by_flow(
         rotations += wound[:, :d]
         frames[part] = rows[:, d:].reshape(-1, d, d).swapaxes(1, 2)
 
-    run_over(slices(n, max(_FEWEST, -(-n // thread_count()))), work)
+    run_over(long_parts(n, _COSTLY * periods), work)
     return growth
