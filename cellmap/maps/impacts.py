@@ -13,9 +13,12 @@ import numpy as np
 from .._compiled.codegen.expression import ImpureError
 from .._lib.checks import one_of, shown
 from .coordinates import Coordinate
-from .misread import PLACES, called_twice, differ, short
+from .misread import PLACES, called_twice, differ, short, trial_state
+from .periodicity import InTime, check_periodic
 
 StateFunction = Callable[[float, Sequence[float], Any], Any]
+
+_REMEDY = "give a period of the forcing with which walls move and kicks come, too"
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ def _followed(
 
 def try_impact(k: int, impact: Impact, period: float, axes: Sequence[Coordinate], parameters: Any) -> None:
     """Call the guard and the reset of the k-th impact of a system; check what they return, and their angles."""
-    place = tuple(0.1 + 0.73 * j / max(len(axes), 1) for j in range(len(axes)))
+    place = trial_state(len(axes))
     for name, count in (("guard", 1), ("reset", len(axes))):
         try:
             arguments = (PLACES[0] * period, place, parameters)
@@ -96,10 +99,16 @@ def try_impact(k: int, impact: Impact, period: float, axes: Sequence[Coordinate]
         if len(values) != count or not all(isinstance(v, int | float | np.number) for v in values):
             what = "a number" if name == "guard" else f"the {count} state variables after the impact"
             raise ValueError(f"impacts[{k}].{name} returns {shown(found)}: return {what}")
+        check_periodic(f"impacts[{k}].{name}", _in_time(getattr(impact, name), place, parameters), period, _REMEDY)
     for fraction, (j, c) in itertools.product(PLACES, enumerate(axes)):
         if c.period is not None:
             there = (*place[:j], place[j] + c.period, *place[j + 1 :])
             _try_turn(k, impact, fraction * period, place, there, (j, c, c.period), parameters)
+
+
+def _in_time(function: StateFunction, place: tuple[float, ...], parameters: Any) -> InTime:
+    """Return a guard or a reset as a function of time, at one state."""
+    return lambda t: tuple(np.atleast_1d(function(t, place, parameters)))
 
 
 def _try_turn(

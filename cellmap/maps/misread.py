@@ -19,6 +19,11 @@ PLACES = (0.01370521, 0.21093467, 0.47316089, 0.83052713)
 """Times in periods where nobody lets a forcing jump: one and that a period later might see other sides there."""
 
 
+def trial_state(dimension: int) -> tuple[float, ...]:
+    """Return a state at which functions are tried out."""
+    return tuple(0.1 + 0.73 * j / max(dimension, 1) for j in range(dimension))
+
+
 def called_twice(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
     """Return the value of a function.
 
@@ -148,12 +153,12 @@ def check_compiled(
             )
 
 
-def short(values: Sequence[float]) -> str:
+def short(values: Sequence[float] | Floats, digits: int = 6) -> str:
     """Return numbers in words, in parentheses."""
-    return f"({', '.join(f'{v:.6g}' for v in values)})"
+    return f"({', '.join(f'{v:.{digits}g}' for v in values)})"
 
 
-def differ(a: Sequence[float], b: Sequence[float]) -> bool:
+def differ(a: Sequence[float] | Floats, b: Sequence[float] | Floats) -> bool:
     """Tell whether finite values differ by more than rounding and an approximate period explain."""
     scale = max(1e-300, *(abs(v) for v in (*a, *b)))
     return bool(np.isfinite((*a, *b)).all()) and max(abs(p - q) for p, q in zip(a, b, strict=True)) > 1e-7 * scale

@@ -20,6 +20,7 @@ from .first_return import Trip, gated_system
 from .integration import Flow, flow, tangent_flow
 from .orbit_batch import CHUNK, Orbits, Status
 from .parameters_as_states import with_states
+from .periodicity import InTime, sampled
 from .point_map import PointMap
 from .specification import MapSpec, no_source
 from .stroboscopic import MAX_STEPS, check_tolerances, stroboscopic_map
@@ -301,16 +302,18 @@ class Section(MapSpec[SectionMap]):
 
 
 def check_unforced(system: ForcedSystem) -> None:
-    """Refuse a system whose right-hand side depends on time."""
+    """Refuse a system whose right-hand side, or an impact of which, depends on time."""
     if not isinstance(system, ForcedSystem):
         raise TypeError(f"system={system!r}: give a ForcedSystem; an autonomous one takes any period")
+    events = system.functions[2]
     for size in (0.1, 0.83):
         state = tuple(size + 0.37 * j for j in range(system.dimension))
-        try:
-            rates = np.array([system.derivative(f * system.length, state) for f in (0.0, 0.21, 0.47, 0.83)])
-        except (ValueError, ZeroDivisionError, OverflowError):
-            continue  # outside the domain of the right-hand side
-        if not np.allclose(rates, rates[0], rtol=1e-12, atol=1e-300, equal_nan=True):
+        functions: list[InTime] = [lambda t: system.derivative(t, state)]  # noqa: B023
+        if events is not None:
+            functions.append(lambda t: events(t, state, system.parameters))  # noqa: B023
+        samples = [sampled(f, system.length)[1] for f in functions]
+        inside = [rows[np.isfinite(rows).all(axis=1)] for rows in samples]  # the domain of the function
+        if not all(np.allclose(rows, rows[:1], rtol=1e-12, atol=1e-300) for rows in inside):
             raise ValueError(
                 f"system={system!r} depends on time: its map is stroboscopic_map(system); Poincaré sections and time-T "
                 "maps are for autonomous systems"

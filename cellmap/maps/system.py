@@ -31,17 +31,14 @@ from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates
 from .impacts import Impact, joined, try_impact
-from .misread import PLACES, called_twice, differ, lacking, misread, short
+from .misread import PLACES, called_twice, differ, lacking, misread, short, trial_state
+from .periodicity import InTime, check_periodic, shortest_period
 
 RightHandSide = Callable[..., Sequence[float]]
 """``rhs(t, x, p)``, or ``rhs(t, x, p, s)`` with the signs of switching functions."""
 
 StateFunction = Callable[[float, Sequence[float], Any], Sequence[float]]
 """Functions ``f(t, x, p)`` of time, state and parameters that return a tuple."""
-
-_MOST_CYCLES = 1000  # of the right-hand side in a period that are looked for
-_TIMES = (*(0.5 + 0.5 * np.cos(np.arange(1.0, 41.0))).tolist(), 0.01370521, 0.21093467)
-"""Times in periods, irregular, at which the right-hand side is compared with itself: short pulses are to be met."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,40 +190,15 @@ class ForcedSystem:
         length = self.length
         if self.switches is not None or self.impacts:
             return length
-        places = [0.1 + 0.73 * j / max(self.dimension, 1) for j in range(self.dimension)]
+        return shortest_period(self._in_time, length)
 
-        def repeats(after: float, times: Sequence[float]) -> bool:
-            """Tell whether the right-hand side is the same some time later, and is anything at all there."""
-            for fraction in times:
-                try:
-                    pair = [self.derivative(fraction * length + s, places) for s in (0.0, after)]
-                    if not np.isfinite(pair).all() or differ(*pair):
-                        return False
-                except Exception:
-                    return False  # outside the domain of the right-hand side
-            return True
-
-        # No whole fraction of a period is an irrational one of it.
-        if all(repeats(f * length, _TIMES) for f in (0.2360679775, 0.4142135624, 0.7320508076)):
-            return 0.0
-        times: tuple[float, ...] = _TIMES
-        seen = next((n for n in range(_MOST_CYCLES, 1, -1) if repeats(length / n, times)), 1)
-        if seen > 1:  # a forcing that rests between jumps or pulses shows its period there alone
-            times = (*self._times_of_change(places), *_TIMES)
-            seen = next((n for n in range(seen, 1, -1) if repeats(length / n, times)), 1)
-        return length / seen
-
-    def _times_of_change(self, state: Sequence[float]) -> list[float]:
-        """Return times in periods at which the right-hand side changes most until the next of many."""
-        grid = (np.arange(_MOST_CYCLES + 25) + 0.37) / (_MOST_CYCLES + 24)
-        rows = []
-        for fraction in grid.tolist():
-            try:
-                rows.append(np.array(self.derivative(fraction * self.length, state), dtype=float))
-            except Exception:
-                rows.append(np.full(self.dimension, np.nan))
-        change = np.nan_to_num(np.abs(np.diff(rows, axis=0)).max(axis=1))
-        return [float(grid[k]) for k in np.argsort(-change, kind="stable")[: len(_TIMES)]]
+    @property
+    def _in_time(self) -> InTime:
+        """The right-hand side as a function of time, at one state."""
+        rhs, state, parameters = self.rhs, self._state(trial_state(self.dimension)), self.parameters
+        if self.switches is not None:
+            return lambda t: self.derivative(t, state)
+        return lambda t: rhs(t, state, parameters)
 
     @property
     def cycles(self) -> str:
@@ -324,7 +296,7 @@ class ForcedSystem:
 
     def _try_right_hand_side(self) -> None:
         """Call the right-hand side at a few times and states; check what it returns, its period and its angles."""
-        places = [0.1 + 0.73 * j / max(self.dimension, 1) for j in range(self.dimension)]
+        places = trial_state(self.dimension)
         angles = [(j, c) for j, c in enumerate(self.axes) if c.period is not None]
         functions = "rhs" if self.switches is None else "rhs with its switches"
         failure: Exception | None = None
@@ -333,10 +305,7 @@ class ForcedSystem:
         for fraction in PLACES:
             t = fraction * self.length
             try:
-                now, later = (
-                    called_twice(functions, self.derivative, t, places),
-                    self.derivative(t + self.length, places),
-                )
+                now = called_twice(functions, self.derivative, t, places)
                 turned = [
                     self.derivative(t, [*places[:j], places[j] + (c.period or 0.0), *places[j + 1 :]])
                     for j, c in angles
@@ -344,7 +313,7 @@ class ForcedSystem:
             except (ImpureError, StateChangedError):
                 raise
             except (AttributeError, NameError, TypeError) as error:
-                raise misread(self.rhs, self.switches, (t, tuple(places), self.parameters), self.axes, error) from error
+                raise misread(self.rhs, self.switches, (t, places, self.parameters), self.axes, error) from error
             except Exception as error:
                 failure = error
                 continue  # outside the domain of the right-hand side; other places may be inside
@@ -354,17 +323,11 @@ class ForcedSystem:
                     f"rhs returns {len(now)} components for {self.dimension} coordinates ({names}): "
                     "return one derivative for each coordinate"
                 )
-            if any(isinstance(v, complex) for v in (*now, *later)):
+            if any(isinstance(v, complex) for v in now):
                 failure = TypeError(f"rhs returns {now!r}: its components must be real numbers")
                 continue  # outside the domain of a power
             if not all(isinstance(v, int | float | np.floating | np.integer) for v in now):
                 raise TypeError(f"rhs returns {now!r}: its components must be real numbers")
-            if differ(now, later):
-                raise ValueError(
-                    f"period={self.length!r}: {functions} at t = {t:g} is {short(now)} and one period later "
-                    f"{short(later)}; give the period of the forcing (any positive number for an autonomous system). "
-                    "What happens at one time only, as `if t < 1`, is not periodic: such times cannot be used"
-                )
             for (_, c), there in zip(angles, turned, strict=True):
                 if differ(now, there):
                     raise ValueError(
@@ -380,12 +343,13 @@ class ForcedSystem:
             )
         if not checked and (isinstance(failure, IndexError) or "to unpack" in str(failure)):
             assert failure is not None, "nothing was checked"
-            arguments = (0.0, tuple(places), self.parameters)
+            arguments = (0.0, places, self.parameters)
             raise misread(self.rhs, self.switches, arguments, self.axes, failure) from failure
         if not checked and isinstance(failure, TypeError):
             raise failure
         if not checked:
             raise ValueError(
-                f"rhs fails at every state tried, such as {tuple(places)} ({failure}): check its domain, and that "
+                f"rhs fails at every state tried, such as {places} ({failure}): check its domain, and that "
                 "there is one coordinate for each state variable"
             ) from failure
+        check_periodic(functions, self._in_time, self.length)

@@ -1,0 +1,115 @@
+"""Periods that are slightly wrong are refused, right ones are not: also where a forcing rests between its jumps."""
+
+from __future__ import annotations
+
+from math import copysign, cos, exp, floor, fmod, pi, sin, tanh
+
+import numpy as np
+import pytest
+
+from cellmap import ForcedSystem
+from cellmap.maps import Impact, flow_map, section_map
+
+
+def forced(force, period, **more) -> ForcedSystem:
+    return ForcedSystem(lambda t, x, p: (x[1], force(t + 0.0) - x[0]), {}, period, ("x", "v"), **more)
+
+
+def square(t):
+    return 1.0 if t % 1.0 < 0.25 else -1.0
+
+
+def sawtooth(t):
+    t -= floor(t)  # of an array: in place
+    return t
+
+
+VALUES = [1.0, 3.0, 2.0, 5.0, 5.0, 0.0, 1.0]
+TERMS = ((7, 100), (116, 200), (252, 300), (308, 356))
+
+# Each with period 1.
+FORCES = {
+    "square": square,
+    "square, with numpy": lambda t: np.where(t % 1.0 < 0.25, 1.0, -1.0),
+    "square, by signs": lambda t: copysign(1.0, sin(2 * pi * t)),
+    "small square in a large cosine": lambda t: 5.0 * cos(2 * pi * t) + 0.2 * square(t),
+    "school terms": lambda t: 1.29 if any(a <= 365 * (t % 1) < b for a, b in TERMS) else 0.95,
+    "short pulse": lambda t: 1.0 if t % 1.0 < 0.004 else 0.0,
+    "shorter pulse, with numpy": lambda t: np.where(t % 1.0 < 0.002, 1.0, 0.0),
+    "smooth pulse": lambda t: exp(-2000.0 * sin(pi * t - 0.3) ** 2),
+    "steep": lambda t: tanh(200.0 * sin(2 * pi * t)),
+    "staircase of a list": lambda t: VALUES[int((t % 1.0) * 7)],
+    "modulated pulses": lambda t: 1.0 if (20 * t) % 1.0 < 0.5 + 0.3 * sin(2 * pi * t) else 0.0,
+    "sawtooth": sawtooth,
+}
+
+
+@pytest.mark.parametrize("force", FORCES.values(), ids=FORCES)
+def test_a_slightly_wrong_period_is_refused(force) -> None:
+    for period in (1.0, 3.0, 1.0 + 1e-11):
+        assert forced(force, period).length == period
+    for period in (0.999, 1.001, 1.0 + 1e-5, 3.003):
+        with pytest.raises(ValueError, match=r"period=.*: rhs at t = .* and one period later"):
+            forced(force, period)
+
+
+def test_right_periods_of_any_size_are_not_refused() -> None:
+    """Rounding moves a switch by some 1e-16 of the time, and no more."""
+    rng = np.random.default_rng(0)
+    for period, on, phase in zip(
+        10 ** rng.uniform(-8, 8, 50), rng.uniform(0.05, 0.95, 50), rng.random(50), strict=True
+    ):
+        for force in (
+            lambda t: 1.0 if (t / period + phase) % 1.0 < on else 0.0,  # noqa: B023
+            lambda t: 1.0 if fmod(t, period) < on * period else 0.0,  # noqa: B023
+            lambda t: np.where(sin(2 * pi / period * t) > on, 1.0, -1.0),  # noqa: B023
+            lambda t: floor(t / period + phase) - t / period,  # noqa: B023
+        ):
+            forced(force, 2 * period)
+
+
+def test_a_right_hand_side_that_prints_does_so_a_few_times(capsys) -> None:
+    def told(t):
+        if t % 1.0 < 0.5:
+            print("on")
+        return square(t)
+
+    forced(told, 1.0)
+    assert capsys.readouterr().out.count("on") < 200
+
+
+@pytest.mark.parametrize("frequency", [1.3, 1.0 + 1e-4])
+def test_impacts_with_another_period_are_refused(frequency) -> None:
+    def wall(t, x, p):
+        return x[0] - 2.0 - 0.1 * cos(frequency * t)
+
+    def bounce(t, x, p):
+        return x[0], -0.8 * x[1] + 0.1 * sin(frequency * t)
+
+    def bounces(guard, reset, period) -> ForcedSystem:
+        return forced(cos, period, impacts=[Impact(guard, reset)])
+
+    still = Impact(lambda t, x, p: x[0] - 2.0, lambda t, x, p: (x[0], -0.8 * x[1]))
+    for guard, reset, name in ((wall, still.reset, "guard"), (still.guard, bounce, "reset")):
+        with pytest.raises(ValueError, match=rf"period=6.28.*: impacts\[0\].{name} at t = (.*) and one period later"):
+            bounces(guard, reset, 2 * pi)
+    together = 20 * pi if frequency == 1.3 else 20000 * pi
+    assert bounces(wall, bounce, together).length == together
+
+
+def test_a_square_wall_that_moves_with_a_slightly_wrong_period() -> None:
+    def wall(t, x, p):
+        return x[0] - (2.0 if t % (2.001 * pi) < 3.0 else 1.0)
+
+    with pytest.raises(ValueError, match=r"impacts\[0\].guard at t = 3"):
+        forced(cos, 2 * pi, impacts=[Impact(wall, lambda t, x, p: (x[0], -x[1]))])
+
+
+def test_short_pulses_and_moving_walls_are_no_autonomous_systems() -> None:
+    """Neither is at the few times at which one looks first."""
+    pulses = forced(lambda t: 1.0 if 0.3 < t % 1.0 < 0.35 else 0.0, 1.0)
+    moving = Impact(lambda t, x, p: x[0] - 2.0 - 0.1 * sin(2 * pi * t), lambda t, x, p: (x[0], -x[1]))
+    walls = forced(lambda t: 0.0, 1.0, impacts=[moving])
+    for make in (lambda: section_map(pulses, ("x", 0.0, 1)), lambda: flow_map(walls, 2.0)):
+        with pytest.raises(ValueError, match="depends on time"):
+            make()
