@@ -18,7 +18,10 @@ from .periodicity import InTime, check_periodic
 
 StateFunction = Callable[[float, Sequence[float], Any], Any]
 
-_REMEDY = "give a period of the forcing with which walls move and kicks come, too"
+_REMEDY = (
+    "give the period with which the forcing, walls and kicks repeat, and the guard of a kick at time s of each period "
+    "T as sin(2 * pi * (s - t) / T)"
+)
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ def test_rest_on_a_floor_while_friction_slides_and_sticks(along):
 
 
 def test_a_kick_releases_what_sticks():
-    kick = Impact(lambda t, x, p: 0.5 - t, lambda t, x, p: (x[0], x[1], x[2] + 1.0))
+    kick = Impact(lambda t, x, p: sin(2 * pi * (0.5 - t)), lambda t, x, p: (x[0], x[1], x[2] + 1.0))
     body = ForcedSystem(
         lambda t, x, p, s: (x[1], 0.0 * x[1], -s[0]),
         {},
