@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
@@ -73,6 +73,8 @@ class CircleBranch(ConvertsToXarray, ConvertsToDataFrame):
         than two dimensions its error is about 1e-5, or 1e-3 where the two largest ones are nearly equal.
     ends : tuple of str
         Reasons why the branch ends at its first and at its last value.
+    parameter_units : mapping of str to str
+        Units of parameters, as far as the system declares them.
     """
 
     parameter: str
@@ -87,6 +89,7 @@ class CircleBranch(ConvertsToXarray, ConvertsToDataFrame):
     coordinates: tuple[Coordinate, ...]
     exponents: Floats
     ends: tuple[str, str] = ("first value", "last value")
+    parameter_units: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         parts = [f"{self.status.count(s)} {s}" for s in CircleStatus if s in self.status]
@@ -193,7 +196,7 @@ def circle_branch(
             errors[k] = 0.0
     return CircleBranch(
         parameter, values, status, np.array(rotation), errors, np.array(periods, np.int64), invariance, decay, circles,
-        exact.coordinates, exponents, ends,
+        exact.coordinates, exponents, ends, exact.parameter_units,
     )  # fmt: skip
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from typing import ClassVar
 
@@ -64,6 +65,8 @@ class ConnectionBranch(ConvertsToXarray, ConvertsToDataFrame):
         Tangencies in the order of the branch.
     ends : tuple of str
         Reasons why the branch ends at its first and at its last point.
+    parameter_units : mapping of str to str
+        Units of parameters, as far as the system declares them.
     """
 
     parameter: str
@@ -72,6 +75,7 @@ class ConnectionBranch(ConvertsToXarray, ConvertsToDataFrame):
     points: Floats
     tangencies: tuple[Tangency, ...]
     ends: tuple[str, str]
+    parameter_units: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         found = "; ".join(f"{t.value:.9g}" for t in self.tangencies) or "none"
@@ -195,6 +199,7 @@ def continue_connection(
         points=np.array([problem.states(p.unknowns)[2:, :-1] for p in every]),
         tangencies=(*(t for found in before for t in found[::-1]), *after),
         ends=ends,
+        parameter_units=exact.parameter_units,
     )
 
 

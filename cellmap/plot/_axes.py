@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from math import gcd, isclose, pi
+from textwrap import fill
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import matplotlib.pyplot as plt
@@ -99,6 +100,26 @@ def show_cells(
     name_axes(ax, [coordinates[j] for j in (across, up)], [grid.upper[j] - grid.lower[j] for j in (across, up)])
     extent = (grid.lower[across], grid.upper[across], grid.lower[up], grid.upper[up])
     return ax.imshow(image, origin="lower", extent=extent, aspect="auto", interpolation="nearest", **style)
+
+
+_LINE = 44  # characters that leave room for bars, and for a second column of a legend
+_LINE_BELOW = 24  # characters beneath a bar
+
+
+def short_name(name: str, number: int, kind: str = "", lines: int = 1) -> str:
+    """Return the name of an attractor; with its number, and its first coordinates alone, if it is longer than lines."""
+    if len(name) <= lines * _LINE:
+        return f"{kind}{name if lines == 1 else fill(name, _LINE)}"
+    room = name[: lines * _LINE - len(f"{number}: , ...)")]
+    begin = room.rpartition(",")[0] or room
+    text = f"{number}: {kind}{begin}, ...{')' if '(' in begin else ''}"
+    return text if lines == 1 else fill(text, _LINE)
+
+
+def name_columns(ax: Axes, names: Iterable[tuple[int, str]]) -> None:
+    """Write the names of attractors, with their labels, beneath bars or columns at 0, 1, ...."""
+    lines = [fill(short_name(name, label), _LINE_BELOW) for label, name in names]
+    ax.set_xticks(range(len(lines)), lines, rotation=20, ha="right", rotation_mode="anchor")
 
 
 def legend_below(ax: Axes, names: Iterable[tuple[Any, str]], height: float = -0.12) -> None:

@@ -18,7 +18,7 @@ from ..basins.certification.certificate import Certificate, Evidence
 from ..basins.record import Basins
 from ..maps.grid import CellGrid
 from ..orbits.attractor import Kind
-from ._axes import axes_or_new, label_axis, legend_below, name_axes, pair_of, plane_of, show_cells, symbol
+from ._axes import axes_or_new, label_axis, legend_below, name_axes, pair_of, plane_of, short_name, show_cells, symbol
 from ._colours import label_colours
 from ._draw import figure
 from ._reduced import Reduction, reduction_of
@@ -94,7 +94,9 @@ def basins(
         _mark_attractors(ax, basins, wide, reduced)
     if legend:
         fractions = {k: _percent(f.fraction) for k, f in basins.fractions.items()}
-        legend_below(ax, [(palette[k], f"{basins.label_name(k)}: {s}") for k, s in fractions.items()])
+        legend_below(
+            ax, [(palette[k], f"{short_name(basins.label_name(k), k, lines=2)}: {s}") for k, s in fractions.items()]
+        )
     ax.set_title(basins.name + _where(basins))
     return ax
 
@@ -105,8 +107,8 @@ def _where(basins: Basins | FeatureBasins) -> str:
     fixed = [j for j, n in enumerate(grid.shape) if n == 1] if grid is not None else []
     if grid is None or not 0 < len(fixed) <= 2:
         return ""
-    values = (f"{symbol(basins.coordinates[j].name)} = {grid.axis(j)[0] + 0.0:.4g}" for j in fixed)
-    return f", {', '.join(values)}"
+    held = ((basins.coordinates[j], grid.axis(j)[0] + 0.0) for j in fixed)
+    return f", {', '.join(f'{symbol(c.name)} = {value:.4g} {c.unit}'.rstrip() for c, value in held)}"
 
 
 def _coordinates_of_axes(basins: Basins | FeatureBasins, plane: tuple[int | str, int | str] | None) -> list[int]:

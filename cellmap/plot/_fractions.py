@@ -12,11 +12,9 @@ from .._lib.signatures import checked
 from ..basins.by_features import FeatureBasins
 from ..basins.record import Basins
 from ..basins.symmetries import SymmetricGroups
-from ._axes import axes_or_new
+from ._axes import axes_or_new, short_name
 from ._colours import label_colour
 from ._draw import figure
-
-_LONGEST_NAME = 44  # characters that leave room for bars
 
 
 class _Bar(NamedTuple):
@@ -53,7 +51,7 @@ def fractions(basins: Basins | FeatureBasins, *, largest: int = 20, ax: Axes | N
     ['fixed point (-1)', '1 smaller']
     """
     bars = {
-        k: _Bar(f.fraction, f.standard_error, _short(basins.label_name(k), f"{k}: "), label_colour(k))
+        k: _Bar(f.fraction, f.standard_error, short_name(basins.label_name(k), k), label_colour(k))
         for k, f in basins.fractions.items()
     }
     own, others = ([bar for k, bar in bars.items() if (k < 0) is other] for other in (False, True))
@@ -89,17 +87,10 @@ def symmetric_groups(groups: SymmetricGroups, *, largest: int = 20, ax: Axes | N
     """
     rows = zip(groups.fractions, groups.standard_errors, groups.names, groups.sizes, strict=True)
     bars = [
-        _Bar(float(f), float(error), _short(name, f"{k}: ", "" if size == 1 else f"{size} like "), label_colour(0))
+        _Bar(float(f), float(error), short_name(name, k, "" if size == 1 else f"{size} like "), label_colour(0))
         for k, (f, error, name, size) in enumerate(rows)
     ]
     return _drawn(bars, [], largest, groups.n_initial_conditions, ax)
-
-
-def _short(name: str, number: str, kind: str = "") -> str:
-    """Return the name of an attractor; with its number, and only its first coordinates, where it has very many."""
-    if len(name) <= _LONGEST_NAME:
-        return f"{kind}{name}"
-    return f"{number}{kind}{name[:_LONGEST_NAME].rpartition(',')[0]}, ...)"
 
 
 def _drawn(own: list[_Bar], others: list[_Bar], largest: int, total: int, ax: Axes | None) -> Axes:

@@ -15,7 +15,16 @@ from ..bifurcations.circle_branches import CircleBranch, CircleStatus
 from ..bifurcations.connecting_branches import ConnectionBranch
 from ..bifurcations.tongues import ArnoldTongue
 from ..maps.coordinates import difference
-from ._axes import axes_or_new, colour_bar, cut_at_branch_cuts, name_axes, name_parameters, pair_of, several_of, symbol
+from ._axes import (
+    axes_or_new,
+    colour_bar,
+    cut_at_branch_cuts,
+    name_axes,
+    name_parameters,
+    pair_of,
+    parameter_title,
+    several_of,
+)
 from ._colours import colour_of
 from ._draw import figure
 
@@ -74,7 +83,10 @@ def connections(
         ax.plot(touching, np.zeros(len(touching)), "o", color="black", markersize=4.0, label="tangency")
         if legend:
             ax.legend(fontsize="small", frameon=False)
-    ax.set(xlabel=symbol(several[0].parameter), ylabel="angle between the manifolds (rad)")
+    ax.set(
+        xlabel=parameter_title(several[0].parameter, several[0].parameter_units),
+        ylabel="angle between the manifolds (rad)",
+    )
     return ax
 
 
@@ -148,7 +160,7 @@ def invariant_circles(
         if not chosen.any():
             ax.lines[-1].remove()
     words = {"rotation": "rotation number", "decay": "decay of Fourier coefficients"}
-    ax.set(xlabel=symbol(branch.parameter), ylabel=words[kind])
+    ax.set(xlabel=parameter_title(branch.parameter, branch.parameter_units), ylabel=words[kind])
     if legend and len(ax.lines):
         ax.legend(fontsize="small", frameon=False)
     return ax
@@ -167,7 +179,7 @@ def _draw_curves(ax: Axes, branch: CircleBranch, plane: tuple[int, int], legend:
             spans = np.maximum(spans, np.ptp(curve, axis=0))
     name_axes(ax, axes, spans.tolist())
     if legend:
-        colour_bar(ax, scale, branch.parameter)
+        colour_bar(ax, scale, parameter_title(branch.parameter, branch.parameter_units))
 
 
 @figure

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from ..basins.proofs.proof import Proof
 from ..basins.proofs.regions import in_figures
-from ._axes import axes_or_new, legend_below, plane_of, show_cells
+from ._axes import axes_or_new, legend_below, plane_of, short_name, show_cells
 from ._colours import label_colours
 from ._draw import figure
 
@@ -72,7 +72,10 @@ def proof(proof: Proof, *, ax: Axes | None = None, colours: Mapping[int, Any] | 
             scalex=False,
             scaley=False,
         )
-    shown = [(palette[k], f"{basins.label_name(k)}: {in_figures(area)} or more") for k, area in proof.areas.items()]
+    shown = [
+        (palette[k], f"{short_name(basins.label_name(k), k, lines=2)}: {in_figures(area)} or more")
+        for k, area in proof.areas.items()
+    ]
     legend_below(ax, shown)
     ax.set_title(f"{basins.name}: {in_figures(100.0 * proof.share)} % proved")
     return ax

@@ -15,7 +15,7 @@ from ..analysis.resilience.survival import Survivability
 from ..analysis.resilience.tipping import TippingProbabilities
 from ..basins.record import Basins
 from ..maps.coordinates import Coordinate
-from ._axes import axes_or_new, cut_at_branch_cuts, label_axis
+from ._axes import axes_or_new, cut_at_branch_cuts, label_axis, name_columns, short_name
 from ._basins import basins as draw_basins
 from ._colours import label_colour
 from ._draw import figure
@@ -53,7 +53,7 @@ def basin_stability(stability: BasinStability, *, ax: Axes | None = None) -> Axe
     bars = np.stack([fractions - ends[:, 0], ends[:, 1] - fractions]).clip(min=0.0)
     colours = [label_colour(k) for k in stability.fractions]
     ax.bar(places, fractions, color=colours, yerr=bars, capsize=4.0, ecolor="0.2")
-    ax.set_xticks(places, [stability.names[k] for k in stability.fractions], rotation=20, ha="right")
+    name_columns(ax, [(k, stability.names[k]) for k in stability.fractions])
     ax.set(ylim=(0.0, min(1.02, 1.15 * float(ends[:, 1].max()))), ylabel="fraction of states")
     return ax
 
@@ -267,8 +267,9 @@ def tipping(tipping: TippingProbabilities, *, ax: Axes | None = None) -> Axes:
         if label is not None:
             corner = (tipping.after.index(label) - 0.48, row - 0.48)
             ax.add_patch(Rectangle(corner, 0.96, 0.96, fill=False, edgecolor="black", linewidth=1.5))
-    ax.set_xticks(range(len(tipping.after)), tipping.names[1], rotation=20, ha="right")
-    ax.set_yticks(range(len(tipping.before)), tipping.names[0])
+    name_columns(ax, zip(tipping.after, tipping.names[1], strict=True))
+    rows = zip(tipping.before, tipping.names[0], strict=True)
+    ax.set_yticks(range(len(tipping.before)), [short_name(name, label) for label, name in rows])
     ax.set(xlabel="after", ylabel="before")
     return ax
 

@@ -15,7 +15,7 @@ from ..basins.continuation_record import BasinContinuation
 from ..bifurcations.diagram import BifurcationDiagram
 from ..bifurcations.period_measures import Quantity
 from ..orbits.attractor import Kind
-from ._axes import column_of, label_axis, legend_below, measured_axis, parameter_title
+from ._axes import axes_or_new, column_of, label_axis, legend_below, measured_axis, parameter_title, short_name
 from ._colours import Colour, colour_of, label_colours
 from ._draw import figure
 
@@ -51,8 +51,9 @@ def bifurcation_diagram(
     Returns
     -------
     tuple of matplotlib Axes
-        The axes of the points and, in a new figure, those of the largest Lyapunov exponents per step of the map, with a
-        band of one standard error.  Each branch has its colour; points of later ones lie under those of earlier ones.
+        The axes of the points and, in a new figure, those of the largest Lyapunov exponents per step of the map, if the
+        diagram has them, with a band of one standard error.  Each branch has its colour; points of later ones lie under
+        those of earlier ones.
 
     Raises
     ------
@@ -74,12 +75,12 @@ def bifurcation_diagram(
         places = diagram.measure(coordinate, measure)[..., None]
         shown_as = measured_axis(diagram.coordinates, coordinate, measure)
     drawn: tuple[Axes, ...]
-    if ax is None:
+    if ax is None and not np.isnan(diagram.exponents).all():
         _, panels = plt.subplots(2, sharex=True, figsize=(7.0, 6.0), height_ratios=(2.5, 1.0), layout="constrained")
         drawn = (panels[0], panels[1])
         _draw_exponents(panels[1], diagram)
     else:
-        drawn = (ax,)
+        drawn = (axes_or_new(ax, (7.0, 4.5)),)
     _draw_points(drawn[0], diagram, places, size)
     finite = places[np.isfinite(places)]
     label_axis(drawn[0].yaxis, shown_as, float(np.ptp(finite)) if finite.size else 0.0)
@@ -196,7 +197,9 @@ def basin_continuation(
     upper.margins(x=0.0)
     drawn[-1].set_xlabel(parameter_title(continuation.parameter, continuation.parameter_units))
     if legend:
-        legend_below(drawn[-1], [(c, continuation.label_name(label)) for label, c in palette.items()], -0.14)
+        legend_below(
+            drawn[-1], [(c, short_name(continuation.label_name(k), k, lines=2)) for k, c in palette.items()], -0.14
+        )
     return drawn
 
 

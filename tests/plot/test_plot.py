@@ -27,6 +27,7 @@ from cellmap import (
     plot,
     stroboscopic_map,
 )
+from cellmap.analysis.resilience import basin_stability
 from cellmap.plot._axes import multiple_of_pi
 from cellmap.plot._colours import CODE_COLOURS, COLOURS, label_colours
 
@@ -382,6 +383,45 @@ def test_points_of_a_diagram_are_larger_where_they_are_few():
         ax = plot.bifurcation_diagram(bifurcation_diagram(logistic, "r", values, [0.3]))[0]
         sizes.append(ax.lines[0].get_markersize())
     assert sizes == [3.0, pytest.approx(3.0 / np.sqrt(2.0)), pytest.approx(0.6)]
+    mpl.pyplot.close("all")
+
+
+def test_a_diagram_without_exponents_has_one_panel():
+    logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 3.0}, ("x",))
+    (ax,) = plot.bifurcation_diagram(bifurcation_diagram(logistic, "r", [3.2, 3.3], [0.3], exponents=False))
+    assert ax.figure.axes == [ax] and (ax.get_xlabel(), ax.get_ylabel()) == ("$r$", "$x$")
+    superstable = bifurcation_diagram(logistic, "r", [2.0], [0.3])
+    assert superstable.exponents.max() < -10.0 and len(plot.bifurcation_diagram(superstable)) == 2
+    mpl.pyplot.close("all")
+
+
+def test_attractors_with_many_coordinates_have_room_in_legends_and_beneath_bars():
+    """Of two that differ in the first coordinate and in the last one."""
+    coordinates = [*(f"x{k}" for k in range(7)), Coordinate("x7", "V")]
+
+    def rhs(x, p):
+        return tuple(1.5 * v - 0.5 * v**3 + 0.0123 for v in x)
+
+    system = discrete_map(rhs, {}, coordinates)
+    ends = (1.2, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 1.2)
+    grid = CellGrid((-1.2, *ends[1:7], -1.2), ends, (8, 1, 1, 1, 1, 1, 1, 8))
+    found = find_basins(system, grid)
+    legend = plot.basins(found).get_legend()
+    legend.figure.draw_without_rendering()
+    inside, figure = legend.get_window_extent(), legend.figure.bbox
+    assert figure.x0 < inside.x0 and inside.x1 < figure.x1 and inside.y0 > figure.y0
+    assert len({t.get_text() for t in legend.get_texts()}) == 4
+    ax = plot.basin_stability(basin_stability(found, n_samples=20))
+    ax.figure.draw_without_rendering()
+    assert ax.get_window_extent().width > 0.75 * ax.figure.bbox.width
+    assert min(t.get_window_extent().x0 for t in ax.get_xticklabels()) > 0.0
+    mpl.pyplot.close("all")
+
+
+def test_titles_of_slices_have_units():
+    halves = discrete_map(lambda x, p: tuple(v / 2 for v in x), {}, ("x", "y", Coordinate("U", "V")))
+    ax = plot.basins(find_basins(halves, CellGrid((-1, -1, 0.5), (1, 1, 0.5), (4, 4, 1))))
+    assert ax.get_title().endswith(", $U$ = 0.5 V")
     mpl.pyplot.close("all")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import pi, sin
 
 import matplotlib.pyplot as plt
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.patches import Polygon
 
-from cellmap import angle, discrete_map, periodic_orbit, plot
+from cellmap import ForcedSystem, angle, discrete_map, periodic_orbit, plot, stroboscopic_map
 from cellmap.bifurcations import (
     CircleBranch,
     ConnectionBranch,
@@ -75,6 +76,20 @@ def test_circles_are_curves_that_close(circles: CircleBranch) -> None:
         plot.invariant_circles(circles, show="curves")
     with pytest.raises(ValueError, match=r"the coordinates are \['x', 'y'\]"):
         plot.invariant_circles(circles, show="circles", coordinates=("x", "z"))
+
+
+def test_parameters_have_their_units_on_axes(branch: ConnectionBranch) -> None:
+    def rhs(t, x, p):
+        growth = 1.0 - x[0] ** 2 - x[1] ** 2
+        return growth * x[0] - p.omega * x[1], growth * x[1] + p.omega * x[0]
+
+    limit_cycle = ForcedSystem(rhs, {"omega": 1.0}, 1.0, ("x", "y"), parameter_units={"omega": "rad/s"})
+    circles = continue_circle(stroboscopic_map(limit_cycle), "omega", [1.0, 1.1], [1.0, 0.0], transient=20)
+    assert plot.invariant_circles(circles).get_xlabel() == r"$\omega$ (rad/s)"
+    ax = plot.invariant_circles(circles, show="circles")
+    assert ax.figure is not None and ax.figure.axes[1].get_ylabel() == r"$\omega$ (rad/s)"
+    assert plot.connections(branch).get_xlabel() == "$a$"
+    assert plot.connections(replace(branch, parameter_units={"a": "m"})).get_xlabel() == "$a$ (m)"
 
 
 def test_tongues() -> None:
