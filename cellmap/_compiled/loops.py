@@ -19,7 +19,7 @@ from .._lib.computed import computed_once
 from .._lib.stopping import check_stop
 from .entry import MISFIT, NAME, EntryText, key_of, plain, python_function
 from .forking import COMPILING
-from .machine_code import MachineCode, compiled_once, loop_code
+from .machine_code import LOOPS, MachineCode, compiled_once, loop_code
 from .translation.marks import ByAddress, Deferred
 
 CHECKED = bool(os.environ.get("CELLMAP_BOUNDS_CHECK"))
@@ -55,7 +55,9 @@ class Loop(Deferred):
 
             with COMPILING:
                 if key not in self._entries:  # machine code that another thread may be running is never replaced
-                    code = compiled_once(f"{_source_of(self.function)}\n{self.contract}{self.vectors}\n{key}", compiled)
+                    code = compiled_once(
+                        f"{_source_of(self.function)}\n{self.contract}{self.vectors}\n{key}", compiled, LOOPS
+                    )
                     function, method = python_function(code.address(NAME), entry.expected)
                     self._entries[key] = function, (code, method)
         self._entry = found = self._entries[key][0]
@@ -85,7 +87,7 @@ class AddressedLoop(Deferred):
             return loop_code(exported(NAME, self, self._signature, CHECKED))
 
         with COMPILING:
-            return compiled_once(f"{_source_of(self.function)}\n{self._signature}", compiled)
+            return compiled_once(f"{_source_of(self.function)}\n{self._signature}", compiled, LOOPS)
 
 
 def loop(function: Callable[..., Any] | None = None, *, contract: bool = True, vectors: bool = False) -> Any:

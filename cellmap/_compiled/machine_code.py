@@ -19,6 +19,9 @@ import llvmlite.binding as llvm
 from .object_cache import ObjectCache
 
 _LEVEL = 2  # optimisation; loops are left as they are written, and vectors too
+LOOPS = 1
+"""Level of loops: at the second one they take a third longer to compile, and are no faster."""
+
 _QUICK = 0  # for large functions, whose values go by memory
 _LONG = 4000  # lines of text that may take seconds
 _PATIENCE = 2.0  # seconds before which nothing is said
@@ -96,7 +99,7 @@ def loop_code(text: str) -> bytes:
     triple, cpu, features = _host()
     machine = _back_end(triple, cpu, features)
     module = _parsed(text, triple, machine)
-    tuning = llvm.create_pipeline_tuning_options(speed_level=_LEVEL)
+    tuning = llvm.create_pipeline_tuning_options(speed_level=LOOPS)
     tuning.loop_unrolling = False
     tuning.loop_vectorization = True
     builder = llvm.create_pass_builder(machine, tuning)
