@@ -217,6 +217,18 @@ def monotone_values(name: str, given: ArrayLike) -> Floats:
     return values
 
 
+_MOST_NAMED = 12
+
+
+def no_such_key(name: str, entries: Mapping[Any, Any], key: Any, meanings: Mapping[Any, str] | None = None) -> KeyError:
+    """Return the error for a key that a dictionary of a name lacks: which there are, and what they mean."""
+    names = meanings or {}
+    keys = [f"{k!r} ({names[k]})" if k in names else repr(k) for k in [*entries][:_MOST_NAMED]]
+    choice = f"choose one of {', '.join(keys)}" if keys else "it is empty"
+    rest = f" and {len(entries) - len(keys):,} more" if len(entries) > len(keys) else ""
+    return KeyError(f"{name}[{shown(key)}]: {choice}{rest}; {name}.get(key) is None for others")
+
+
 class Parameters(dict[str, float]):
     """Values of parameters by name, which do not change: what is built from them would not follow."""
 
@@ -227,7 +239,7 @@ class Parameters(dict[str, float]):
         )
 
     def __missing__(self, name: Any) -> NoReturn:
-        raise KeyError(f"params[{shown(name)}]: choose one of {', '.join(map(repr, self)) or 'none, for it is empty'}")
+        raise no_such_key("params", self, name)
 
     __setitem__ = __delitem__ = __ior__ = update = pop = popitem = clear = setdefault = _refused
 

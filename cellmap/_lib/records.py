@@ -10,10 +10,9 @@ from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import Any, ClassVar, NamedTuple, NoReturn, TypeVar
 
-from .checks import shown
+from .checks import no_such_key
 
 _ROOM = f"{__name__.split('.')[0]}.exchange"
-_MOST_NAMED = 12
 Key = TypeVar("Key")
 Value = TypeVar("Value")
 
@@ -45,11 +44,7 @@ class Keyed(dict[Key, Value]):
         return {} if found is None else found
 
     def __missing__(self, key: Any) -> NoReturn:
-        names = self._names()
-        keys = [f"{k!r} ({names[k]})" if k in names else repr(k) for k in [*self][:_MOST_NAMED]]
-        choice = f"choose one of {', '.join(keys)}" if keys else "it is empty"
-        rest = f" and {len(self) - len(keys):,} more" if len(self) > len(keys) else ""
-        raise KeyError(f"{self._name}[{shown(key)}]: {choice}{rest}; {self._name}.get(key) is None for others")
+        raise no_such_key(self._name, self, key, self._names())
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Keyed, (dict(self), self._name, dict(self._names()))

@@ -6,7 +6,7 @@ import functools
 import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite, nan, pi
+from math import inf, isfinite, nan, pi, prod
 from typing import Any
 
 import numpy as np
@@ -144,18 +144,20 @@ def state_points(name: str, points: ArrayLike, coordinates: Sequence[Coordinate]
 
 
 def check_no_window(name: str, given: Any, dimension: int) -> None:
-    """Say of tuples (low, high), one for each state variable, that they are states and no window.
+    """Say of tuples (low, high), one for each state variable, that they are states and no window, and of axes no grid.
 
     Raises
     ------
     ValueError
-        Where they cannot be states, for these have as many numbers as there are state variables.
+        Where they cannot be states, for these have as many numbers as there are state variables; for one axis, those
+        of all state variables, or the coordinates that NumPy's meshgrid makes of them.
 
     Warns
     -----
     UserWarning
         In two dimensions, where they are states.
     """
+    _check_no_axes(name, given, dimension)
     pairs = given if isinstance(given, list | tuple) and len(given) == dimension else ()
     if not pairs or not all(isinstance(pair, tuple) and len(pair) == 2 for pair in pairs):
         return
@@ -167,6 +169,56 @@ def check_no_window(name: str, given: Any, dimension: int) -> None:
     if dimension != 2:
         raise ValueError(f"{name}={shown(given)}: states have length {dimension}, and these pairs 2; {window}")
     warn_caller(f"{name}={shown(given)} are two states; {window}, for states {[[*pair] for pair in pairs]}")
+
+
+def _check_no_axes(name: str, given: Any, dimension: int) -> None:
+    """Refuse values along one axis, or along each, in the place of states."""
+    axes = _axes_of(given, dimension)
+    if not axes:
+        return
+    known = [axis if _is_of_three(axis) else (axis[0], axis[-1], len(axis)) for axis in axes]
+    more, which, last = "", "the coordinates of a grid", ""
+    if len(axes) < dimension:
+        more, which, last = ", ...", "values along one axis", f", of {dimension} entries each"
+    elif dimension == 1:
+        more = ","
+    corners = [f"({', '.join(f'{value:.6g}' for value in column)}{more})" for column in zip(*known, strict=True)]
+    raise ValueError(
+        f"{name}={shown(given)}: these are {which}, and states have length {dimension}; give "
+        f"CellGrid({', '.join(corners)}), corners and numbers of cells{last}, or states of shape (..., {dimension})"
+    )
+
+
+def _axes_of(given: Any, dimension: int) -> list[Floats]:
+    """Return rising values along one axis, or along each, where they are given, also by NumPy's meshgrid."""
+    if not isinstance(given, list | tuple | range | np.ndarray):
+        return []
+    try:
+        whole = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        whole = None  # rows of different lengths
+    if whole is not None and (whole.ndim == 0 or whole.shape[-1] == dimension):
+        return []
+    try:
+        parts = [np.asarray(part, dtype=float) for part in given] if len(given) == dimension else []
+        if whole is not None and whole.ndim == 1:
+            axes = [whole]
+        elif all(part.ndim == 1 for part in parts):
+            axes = parts
+        else:
+            axes = [np.unique(part) for part in parts]
+            if prod(np.broadcast_shapes(*(part.shape for part in parts))) != prod(map(len, axes)):
+                return []
+    except (TypeError, ValueError):
+        return []
+    rise = all(len(axis) > 0 and (np.diff(axis) > 0.0).all() for axis in axes)
+    whole_number = all(axis[2] % 1.0 == 0.0 for axis in axes if _is_of_three(axis))
+    return axes if rise and whole_number and max(map(len, axes), default=0) > 2 else []
+
+
+def _is_of_three(axis: Floats) -> bool:
+    """Tell whether an axis has three numbers, unevenly spaced: its ends and its number of cells."""
+    return len(axis) == 3 and not np.isclose(*np.diff(axis))
 
 
 def in_turn(values: Floats, lower: Floats | float, turn: Floats | float) -> Floats:

@@ -10,7 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellmap import CellGrid, Coordinate, ForcedSystem, Status, angle, discrete_map, find_attractors, stroboscopic_map
+from cellmap import (
+    CellGrid,
+    Coordinate,
+    ForcedSystem,
+    Status,
+    angle,
+    discrete_map,
+    find_attractors,
+    find_basins,
+    stroboscopic_map,
+)
 from cellmap._compiled.kernels.blocks import wrap_rows
 from cellmap.maps import jacobian
 from cellmap.maps.coordinates import as_coordinates, difference, state_points, turns_of, wrap
@@ -162,3 +172,38 @@ def test_each_variable_needs_its_own_name(given_names: Any) -> None:
 def test_bad_coordinates_are_refused(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Coordinate(**arguments)
+
+
+LINE, UP = np.linspace(-2, 2, 20), np.linspace(-1, 3, 30)
+
+
+@pytest.mark.parametrize(
+    ("axes", "names", "remedy"),
+    [
+        (
+            LINE,
+            "xv",
+            r"values along one axis, .* CellGrid\(\(-2, ...\), \(2, ...\), \(20, ...\)\), .* of 2 entries each",
+        ),
+        (range(20), "xv", r"CellGrid\(\(0, ...\), \(19, ...\), \(20, ...\)\)"),
+        ([LINE, UP], "xv", r"coordinates of a grid, .* CellGrid\(\(-2, -1\), \(2, 3\), \(20, 30\)\)"),
+        (np.array([LINE, LINE]), "xv", r"CellGrid\(\(-2, -2\), \(2, 2\), \(20, 20\)\)"),
+        (np.meshgrid(LINE, UP), "xv", r"CellGrid\(\(-2, -1\), \(2, 3\), \(20, 30\)\)"),
+        (np.meshgrid(LINE, UP, sparse=True), "xv", r"CellGrid\(\(-2, -1\), \(2, 3\), \(20, 30\)\)"),
+        ([LINE, 0.5], "xv", r"CellGrid\(\(-2, 0.5\), \(2, 0.5\), \(20, 1\)\)"),
+        (((-2, 2, 40), (-1, 3, 50)), "xv", r"CellGrid\(\(-2, -1\), \(2, 3\), \(40, 50\)\)"),
+        (LINE, "x", r"CellGrid\(\(-2,\), \(2,\), \(20,\)\)"),
+        (np.random.default_rng(0).random((2, 20)), "xv", r"the first one does, so give np.moveaxis"),
+        (np.sort(np.random.default_rng(0).random((2, 3))), "xv", r"the first one does, so give np.moveaxis"),
+    ],
+)
+def test_axes_in_the_place_of_states_ask_for_a_grid(axes, names, remedy):
+    rest = discrete_map(lambda x, p: tuple(v / 2 for v in x), {}, tuple(names))
+    for search in (find_basins, find_attractors):
+        with pytest.raises(ValueError, match=remedy):
+            search(rest, axes)
+
+
+def test_rising_states_are_no_axes():
+    rest = discrete_map(lambda x, p: tuple(v / 2 for v in x), {}, tuple("xyz"))
+    assert find_basins(rest, [[0, 1, 2], [1, 2, 3], [2, 3, 4]]).labels.tolist() == [0, 0, 0]

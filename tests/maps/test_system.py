@@ -316,6 +316,8 @@ def test_parameters_are_read_only():
         with pytest.raises(TypeError, match=r"with_params\(name=value\)"):
             change(system.params)
     assert system.params == {"d": 0.1}
+    with pytest.raises(KeyError, match=r"params\['gamma'\]: choose one of 'd'; params.get\(key\) is None for others"):
+        system.params["gamma"]
     assert pickle.loads(pickle.dumps(system.params)) == system.params
     assert {**system.params, "e": 2.0} == {"d": 0.1, "e": 2.0}
 
