@@ -35,6 +35,7 @@ from .residence import with_full_residence
 from .settling import Catalogue, settle, settle_on_threads
 from .surrogate import only_attractor
 from .transients import REMEDIES, Late, Reason, UnsettledWarning, regular
+from .translates import warning_of_translates
 from .trapping import still_trapping, trapping_neighbourhood
 from .trapping_boxes import is_trapped
 from .wandering import FEWEST, are_chaotic, representatives
@@ -98,6 +99,7 @@ def find_attractors(
         If none is found: with how orbits end, the cause as seen in a few of them, and a remedy.
     UserWarning
         If `initial_conditions` are two tuples ``(low, high)`` in two dimensions: these are two states, and no window.
+        If attractors are others again, a multiple of 2 pi further on in an angle that was not declared.
 
     Examples
     --------
@@ -127,7 +129,10 @@ def find_attractors(
             found = [quotient.lifted(a, point_map) for a in found]
     if not found:
         warn_caller(_nothing_found(labels, reasons, max_periods), UnsettledWarning)
-    return tuple(sorted(found, key=sort_key))
+    ordered = tuple(sorted(found, key=sort_key))
+    if repeated := warning_of_translates(ordered, point_map):
+        warn_caller(repeated)
+    return ordered
 
 
 def _found_by_all(

@@ -16,6 +16,7 @@ from ..attractors.search import find_attractors, region_extent
 from ..attractors.settling import Catalogue, settle
 from ..attractors.transients import REMEDIES, Reason
 from ..attractors.transients import UnsettledWarning as UnsettledWarning
+from ..attractors.translates import warning_of_translates
 from ..maps.coordinates import difference
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
@@ -40,13 +41,15 @@ _TIME = 0.01370521  # in periods, at which no forcing jumps
 
 
 def warn_of_doubts(basins: Basins, release: Callable[[], None]) -> None:
-    """Warn of each label without attractor that more than 5 % of the initial conditions carry.
+    """Warn of each label without attractor that more than 5 % of the initial conditions carry, and of attractors.
 
     ``release`` gives back memory while labels are read, see :func:`fractions_of`.
     """
     fractions = fractions_of(basins.labels, len(basins.attractors), release)
     if doubtful := _not_verified(basins, {k: f.fraction for k, f in fractions.items()}):
         warn_caller(doubtful)
+    if basins.point_map is not None and (repeated := warning_of_translates(basins.attractors, basins.point_map)):
+        warn_caller(repeated)
     for message in _doubts(basins, {k: f.fraction for k, f in fractions.items() if k < 0 and f.fraction > _MANY}):
         warn_caller(message, UnsettledWarning)
 

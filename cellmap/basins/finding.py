@@ -139,7 +139,8 @@ def find_basins(
     UserWarning
         If `max_seconds` were over before all initial conditions were labelled, if labels to a tolerance of
         `label_rtol` differ from those of the map, or if `initial_conditions` are two tuples ``(low, high)`` in two
-        dimensions: these are two states, and no window.
+        dimensions: these are two states, and no window.  If attractors are others again, a multiple of 2 pi further on
+        in an angle that was not declared.
 
     Examples
     --------
