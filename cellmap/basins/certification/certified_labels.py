@@ -29,7 +29,7 @@ from .certificate import Evidence
 from .table_errors import TableErrors, slopes_of, tolerance_in_cells
 from .undecided import Search
 
-_ROWS = 4096  # initial conditions that are followed together: they stay in the cache
+_ROWS = 8192  # initial conditions that are followed together: they stay in the cache
 _INTEGRATED = 1024  # initial conditions that are integrated together
 _WIDEST = 1.0  # widths of a cell that an error may reach, lest derivatives say nothing of it
 _SOON = 4  # periods within which errors at an equilibrium have to come to rest
