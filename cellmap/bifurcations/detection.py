@@ -105,7 +105,7 @@ class _Candidate:
     event: Bifurcation
 
     def is_birth(self) -> bool:
-        """Return whether another branch is crossed where this one turns back in the parameter."""
+        """Return whether another branch is crossed where the parameter has an extremum on this one."""
         crosses = self.event.kind is BifurcationKind.TRANSCRITICAL
         return crosses and abs(float(self.event._along[-1])) <= _VERTICAL
 
