@@ -15,6 +15,7 @@ from .._lib.checks import check_mapping, claim_memory, finite_number, real_array
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from ..maps.coordinates import state_points
+from ..maps.formulas import harmonics_of
 from ..maps.integration import Flow, steps_of_harmonics
 from ..maps.orbit_batch import Orbits, Status
 from ..maps.system import ForcedSystem
@@ -259,7 +260,7 @@ class Linearised:
         outputs = values(self.compiled.motion.outputs[: self.dimension], times, states, self.parameters)
         samples = np.stack([np.broadcast_to(o, (_SAMPLES, len(some))) for o in outputs])
         samples = samples[:, :, np.isfinite(samples).all(axis=(0, 1))]
-        return steps_of_harmonics(np.moveaxis(samples, 1, 0))
+        return steps_of_harmonics(harmonics_of(np.moveaxis(samples, 1, 0)))
 
 
 def linearise(system: ForcedSystem, equilibrium: ArrayLike, swept: Sequence[str], rtol: float) -> Linearised:

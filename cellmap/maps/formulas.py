@@ -11,7 +11,10 @@ from .._compiled.codegen.kernel import traced_function, traced_switching, why_un
 from .._compiled.codegen.linear import values
 from .._compiled.codegen.trace import Trace
 from .._lib.arrays import Floats
+from .._lib.computed import computed_once
 from .system import ForcedSystem
+
+_SAMPLES = 2048  # of the forcing in a period; a pulse between two of them may be missed
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +48,29 @@ class Formulas:
             return np.stack([np.broadcast_to(f, len(times)) for f in found], axis=1)
         with np.errstate(all="ignore"):
             return np.array([system.derivative(t, state) for t in times.tolist()])
+
+    @computed_once
+    def harmonics(self) -> list[Floats]:
+        """Strengths of the harmonics of the right-hand side at two states, where it is finite over the period."""
+        times, found = np.linspace(0.0, self.system.length, _SAMPLES, endpoint=False), list[Floats]()
+        for size in (0.1, 1.1):
+            try:
+                samples = self.derivatives(times, tuple(size + 0.1 * j for j in range(self.system.dimension)))
+            except Exception:
+                continue  # outside the domain of the right-hand side
+            if np.isfinite(samples).all():
+                found.append(harmonics_of(samples))
+        return found
+
+
+def harmonics_of(samples: Floats) -> Floats:
+    """Return the strengths (times // 2,) of the harmonics of samples of a period, shape (times, ...).
+
+    They are the largest of any component, 0 below a ten-millionth of the strongest one and below rounding.
+    """
+    strength = np.abs(np.fft.rfft(samples, axis=0))[1:] / len(samples)
+    least = np.maximum(1e-7 * strength.max(axis=0), 1e-12 * np.abs(samples).max(axis=0))
+    return np.asarray(np.where(strength > least, strength, 0.0).reshape(len(strength), -1).max(axis=1, initial=0.0))
 
 
 def formulas(system: ForcedSystem) -> Formulas:

@@ -24,13 +24,12 @@ from .._compiled.kernels.periods import INACCURATE, PROBE, ROUNDED, Motion, inte
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.computed import computed_once
 from .coordinates import turns_of
-from .formulas import Formulas, formulas
+from .formulas import Formulas
 from .misread import check_compiled
 from .orbit_batch import Orbits
 from .reversals import warn_of_reversals
 from .system import ForcedSystem
 
-_FORCING_SAMPLES = 2048  # looks at the forcing of a period; a pulse between two of them may be missed
 _RUNGS_PER_OCTAVE = 4
 _SHORT = 1e-9  # step that tells a right-hand side
 _FINER = 0.1  # part of the tolerance with which errors of derivatives are estimated
@@ -47,13 +46,14 @@ Turns = tuple[Floats, Floats]
 
 
 def flow(
-    system: ForcedSystem, begin: float, length: float, rtol: float, atol: ArrayLike, method: str, max_steps: int
+    known: Formulas, begin: float, length: float, rtol: float, atol: ArrayLike, method: str, max_steps: int
 ) -> Flow:
     """Return the motion of a system from the time `begin` over a time `length`.
 
     The tolerance is meant for the whole of that time, as :func:`stroboscopic_map` describes it.
     """
-    turn, known, floors = turns_of(system.axes)[1], formulas(system), np.full(system.dimension, atol, dtype=np.float64)
+    system = known.system
+    turn, floors = turns_of(system.axes)[1], np.full(system.dimension, atol, dtype=np.float64)
     warn_of_reversals(known)
     chosen = Flow(
         kernel=_kernel(known, method, rtol),
@@ -181,7 +181,7 @@ def _trial(motion: Flow, points: Floats) -> tuple[int, int]:
 
 
 def tangent_flow(
-    system: ForcedSystem,
+    known: Formulas,
     begin: float,
     length: float,
     rtol: float,
@@ -195,7 +195,8 @@ def tangent_flow(
     States are held to the tolerances of :func:`flow`, and tangent vectors to the tolerance `along` of errors relative
     to their lengths.  With events, or where the system is stiff, there is one vector, and all is held to `rtol`.
     """
-    names, d, known = tuple(system.params), system.dimension, formulas(system)
+    system = known.system
+    names, d = tuple(system.params), system.dimension
     if known.has_events or known.unknown or stiff:
         kernel = None
         if known.has_events:
@@ -223,7 +224,7 @@ def tangent_flow(
 
 
 def jet_flow(
-    system: ForcedSystem,
+    known: Formulas,
     begin: float,
     length: float,
     tolerance: float,
@@ -236,7 +237,8 @@ def jet_flow(
 
     With `finer` the steps are those of a tenth of the tolerance.
     """
-    names, known = tuple(system.params), formulas(system)
+    system = known.system
+    names = tuple(system.params)
     if known.has_events or known.unknown:
         return None
     kernel = jet_flow_kernel(system.rhs, system.dimension, names, tolerance, order, method)
@@ -283,20 +285,8 @@ def _fewest_steps(known: Formulas, length: float, tolerance: float) -> int:
     They follow from the harmonics of the right-hand side at two states that move the image by more than the tolerance.
     """
     period = known.system.length
-    fewest = max((steps_of_harmonics(s, tolerance / period) for s in _forcing(known)), default=1)
+    fewest = max((steps_of_harmonics(strengths, tolerance / period) for strengths in known.harmonics), default=1)
     return max(1, int(np.ceil(fewest * length / period)))
-
-
-def _forcing(known: Formulas) -> Iterator[Floats]:
-    """Yield the right-hand side over a period at two states, shape (times, dimension) each, where it is finite."""
-    times = np.linspace(0.0, known.system.length, _FORCING_SAMPLES, endpoint=False)
-    for size in (0.1, 1.1):
-        try:
-            samples = known.derivatives(times, tuple(size + 0.1 * j for j in range(known.system.dimension)))
-        except Exception:
-            continue  # outside the domain of the right-hand side
-        if np.isfinite(samples).all():
-            yield samples
 
 
 def _keeps_zero(known: Formulas, least: Floats) -> Bools:
@@ -315,15 +305,9 @@ def _keeps_zero(known: Formulas, least: Floats) -> Bools:
     return found
 
 
-def steps_of_harmonics(samples: Floats, least: float = 0.0) -> int:
-    """Return half the number of the highest harmonic of samples of a period, shape (times, ...), at least 1.
-
-    Harmonics count from a strength of `least` on, and from a ten-millionth of that of the strongest.
-    """
-    strength = np.abs(np.fft.rfft(samples, axis=0))[1:] / len(samples)
-    floor = np.maximum(1e-12 * np.abs(samples).max(axis=0), least)
-    present = (strength > 1e-7 * strength.max(axis=0)) & (strength > floor)
-    return max(1, int((np.flatnonzero(present.reshape(len(present), -1).any(axis=1)).max(initial=0) + 2) // 2))
+def steps_of_harmonics(strengths: Floats, least: float = 0.0) -> int:
+    """Return half the number of the highest harmonic that has a strength of at least some size, at least 1."""
+    return max(1, int((np.flatnonzero(strengths > least).max(initial=0) + 2) // 2))
 
 
 def in_lanes(points: Floats) -> Floats:

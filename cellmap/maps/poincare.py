@@ -17,6 +17,7 @@ from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
 from .coordinates import state_points, turns_of
 from .first_return import Trip, gated_system
+from .formulas import Formulas, formulas
 from .integration import Flow, flow, tangent_flow
 from .orbit_batch import CHUNK, Orbits, Status
 from .parameters_as_states import with_states
@@ -226,16 +227,20 @@ class Section(MapSpec[SectionMap]):
         return [c.name for c in self.system.axes].index(self.section[0])
 
     @computed_once
+    def _gated(self) -> Formulas:
+        return formulas(gated_system(self.system, self._place))
+
+    @computed_once
     def _trip(self) -> Trip:
         system, (_, value, direction) = self.system, self.section
         stretch, loose = min(system.length, self.max_time), max(self.rtol, _ORDER_FOR)
-        motion = flow(gated_system(system, self._place), 0.0, stretch, loose, self.atol, "auto", self.max_steps)
+        motion = flow(self._gated, 0.0, stretch, loose, self.atol, "auto", self.max_steps)
         return Trip(system, self._place, value, direction, self.max_time, stretch, replace(motion, rtol=self.rtol))
 
     @computed_once
     def _tangent_motion(self) -> Flow | None:
-        gated, tolerance = gated_system(self.system, self._place), min(self.rtol, _TANGENT_TOLERANCE)
-        return tangent_flow(gated, 0.0, self._trip.stretch, tolerance, tolerance, tolerance, self.max_steps)
+        tolerance = min(self.rtol, _TANGENT_TOLERANCE)
+        return tangent_flow(self._gated, 0.0, self._trip.stretch, tolerance, tolerance, tolerance, self.max_steps)
 
     def make(self) -> SectionMap:
         """Return the map, without its specification."""

@@ -18,7 +18,7 @@ from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .compiled_advance import FlowAdvance
 from .coordinates import Coordinate, turns_of
-from .formulas import formulas
+from .formulas import Formulas, formulas
 from .frames import stretched_by_flow
 from .integration import Flow, flow, jet_flow, tangent_flow
 from .orbit_batch import Orbits
@@ -134,10 +134,15 @@ class Stroboscopic(MapSpec[PointMap]):
         one_of("method", self.method, METHOD_NAMES)
 
     @computed_once
+    def formulas(self) -> Formulas:
+        """What is known of the right-hand side."""
+        return formulas(self.system)
+
+    @computed_once
     def motion(self) -> Flow:
         """The compiled flow over one period; its kernel knows the method that "auto" has chosen."""
         s = self.system
-        return flow(s, self.phase * s.length, s.length, self.rtol, self.atol, self.method, self.max_steps)
+        return flow(self.formulas, self.phase * s.length, s.length, self.rtol, self.atol, self.method, self.max_steps)
 
     @property
     def _stiff(self) -> bool:
@@ -147,7 +152,7 @@ class Stroboscopic(MapSpec[PointMap]):
         """The motion with tangent vectors, to a tolerance of 1e-12 or better, over the first of some equal parts."""
         s, tolerance = self.system, min(self.rtol, _TANGENT_TOLERANCE)
         begin, length = self.phase * s.length, s.length / count
-        return tangent_flow(s, begin, length, tolerance, tolerance, tolerance, self.max_steps, self._stiff)
+        return tangent_flow(self.formulas, begin, length, tolerance, tolerance, tolerance, self.max_steps, self._stiff)
 
     @computed_once
     def _tangent_motion(self) -> Flow | None:
@@ -157,10 +162,10 @@ class Stroboscopic(MapSpec[PointMap]):
     def _coarse_motion(self) -> Flow | None:
         """The motion with tangent vectors to the tolerance of the map, or the finer one where that is not trusted."""
         s, rtol = self.system, min(self.rtol, _COARSEST)
-        if rtol <= _TANGENT_TOLERANCE or self.motion.checked == 1.0 or self._stiff or formulas(s).has_events:
+        if rtol <= _TANGENT_TOLERANCE or self.motion.checked == 1.0 or self._stiff or self.formulas.has_events:
             return self._tangent_motion
         begin, atol = self.phase * s.length, np.minimum(self.atol, _COARSEST)
-        return tangent_flow(s, begin, s.length, rtol, atol, _OF_TANGENTS * rtol, self.max_steps)
+        return tangent_flow(self.formulas, begin, s.length, rtol, atol, _OF_TANGENTS * rtol, self.max_steps)
 
     def make(self) -> PointMap:
         """Return the map, without its specification."""
@@ -213,7 +218,7 @@ class Stroboscopic(MapSpec[PointMap]):
         s, method = self.system, "Rosenbrock" if self._stiff else "auto"
         tolerance, length = min(self.rtol, _TANGENT_TOLERANCE), s.length / part[1]
         begin = self.phase * s.length + part[0] * length
-        return jet_flow(s, begin, length, tolerance, self.max_steps, order, method, finer)
+        return jet_flow(self.formulas, begin, length, tolerance, self.max_steps, order, method, finer)
 
     def parts(self, count: int) -> tuple[Callable[..., tuple[Any, Any]], ...] | None:
         """Return the tangent maps of equal parts of a period, one after the other; None without known derivatives."""
@@ -260,7 +265,7 @@ def carried(point_map: PointMap, points: Floats, phase: float) -> Floats:
     orbits = Orbits.starting(points.copy())
     if ahead > 0.0:
         begin, time, method = spec.phase * system.length, ahead * system.length, spec.motion.kernel.method
-        motion = flow(system, begin, time, spec.rtol, spec.atol, method, spec.max_steps)
+        motion = flow(spec.formulas, begin, time, spec.rtol, spec.atol, method, spec.max_steps)
         FlowAdvance(motion, *turns_of(system.axes))(orbits, 1)
     return orbits.points
 

@@ -202,7 +202,7 @@ class Sampler:
         rtol = max(spec.rtol / count, _FINEST)
         atol = np.maximum(np.divide(spec.atol, count), np.minimum(spec.atol, _FINEST))
         length, method = spec.system.length / count, spec.motion.kernel.method
-        return flow(spec.system, spec.motion.begin, length, rtol, atol, method, spec.max_steps)
+        return flow(spec.formulas, spec.motion.begin, length, rtol, atol, method, spec.max_steps)
 
     def states(self, places: Floats, periods: int, progress: bool = False) -> tuple[Floats, NDArray[np.uint8]]:
         """Return states (times, count, d), with NaN once orbits have terminated, and statuses (count,)."""
@@ -295,7 +295,7 @@ def integrate(
     places = state_points("initial_conditions", initial_conditions, system.axes)
     spec = Stroboscopic(system, 0.0, rtol, atol, method, max_steps)
     begin, duration = finite_number("begin", begin), finite_number("duration", duration, above=0.0)
-    motion = flow(system, begin, duration, spec.rtol, spec.atol, spec.method, spec.max_steps)
+    motion = flow(spec.formulas, begin, duration, spec.rtol, spec.atol, spec.method, spec.max_steps)
     orbits = Orbits.starting(places.reshape(-1, system.dimension).copy())
     run_over(slices(len(orbits), CHUNK), lambda part: motion(orbits[part]))
     orbits.wrap(*turns_of(system.axes))

@@ -90,13 +90,14 @@ def test_its_coefficients_meet_the_conditions_of_order_five() -> None:
 def test_order_five_on_a_nonlinear_forced_equation() -> None:
     """x' = -x^2 cos t, x = 1 / (1 / x0 + sin t): steps of equal length, errors over half of them."""
     from cellmap._compiled.codegen.own_steps import NUMBERS
+    from cellmap.maps.formulas import formulas
     from cellmap.maps.integration import flow
 
     system = ForcedSystem(lambda t, x, p: (-(x[0] ** 2) * cos(t),), {}, 2.0 * pi, ("x",))
     exact = 1.0 / (1.0 / 0.6 + np.sin(2.0))
     pairs = []
     for tolerance in (1e-5, 1e-6, 1e-7, 1e-8, 1e-9):
-        motion = flow(system, 0.0, 2.0, tolerance, tolerance, "Rosenbrock", 10**6)
+        motion = flow(formulas(system), 0.0, 2.0, tolerance, tolerance, "Rosenbrock", 10**6)
         x = np.full((1, 1, 32), 0.6)
         errors, steps = np.zeros_like(x), np.ones(1, np.int64)
         kernel = motion.kernel.advance

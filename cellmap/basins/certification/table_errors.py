@@ -10,7 +10,6 @@ from ..._compiled.kernels.cell_errors import Bounds, Given, bounding, curve, dif
 from ..._lib.arrays import Floats
 from ..._lib.threads import run_over, slices
 from ...maps.coordinates import turns_of
-from ...maps.formulas import formulas
 from ...maps.grid import CellGrid
 from ...maps.orbit_batch import CHUNK, Orbits
 from ...maps.point_map import PointMap
@@ -102,7 +101,7 @@ def has_power_series(exact: PointMap) -> bool:
     """Tell whether a map is known to follow a flow of analytic functions, so that it has no kinks and does not jump."""
     if not isinstance(exact.spec, Stroboscopic):
         return False
-    known = formulas(exact.spec.system).plain
+    known = exact.spec.formulas.plain
     return known is not None and known.is_analytic
 
 
