@@ -20,6 +20,7 @@ from .singular_orbits import crossing
 _REAL = 1e-6  # imaginary part of multipliers that are taken for real where two of them meet
 _VERTICAL = 1e-4  # parameter component of the tangent of the branch that a pitchfork gives birth to
 _SINGULAR = 1e-9  # value of a test function on which a step should not end
+_MET = 1e-9  # residual where curves cross, more where they only come close to each other
 _SAME = 1e-3  # scaled distance of a fold from a crossing that are one pitchfork
 _BESIDE, _ON_LINE = 0.03, 1e-11  # scaled displacement along the other branch, and of the parameter there on a line
 _KEPT = 1e-9  # distance of the product of all multipliers from 1 that rounding explains
@@ -152,7 +153,7 @@ class Detector:
             # The product of two real multipliers passes 1 where nothing happens.
             if candidate.kind is BifurcationKind.NEIMARK_SACKER and not change:
                 continue
-            clear &= change == candidate.change
+            clear &= change == candidate.change and self._meets(candidate)
             events.append(replace(candidate.event, before=counts[k], after=counts[k + 1]))
         return events, clear
 
@@ -216,6 +217,13 @@ class Detector:
     def _candidate(self, kind: BifurcationKind, place: SolutionPoint, step: ContinuationStep) -> _Candidate:
         change = 0 if kind is BifurcationKind.DEGENERATE else _CHANGES.get(kind, 1)
         return _Candidate(step.along(place.unknowns), kind, change, self._event(kind, place, step))
+
+    def _meets(self, candidate: _Candidate) -> bool:
+        """Return whether the curves of a crossing have an orbit in common: a step may jump to one that is close."""
+        event = candidate.event
+        if candidate.kind is not BifurcationKind.PITCHFORK or event._branch_direction is None:
+            return True
+        return bool(np.linalg.norm(self.problem(event._unknowns)[0]) <= _MET)
 
     def _event(self, kind: BifurcationKind, place: SolutionPoint, step: ContinuationStep) -> Bifurcation:
         """Return what is known of a bifurcation, but for the counts."""

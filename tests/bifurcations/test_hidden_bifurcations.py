@@ -239,6 +239,17 @@ def test_a_fold_beside_a_crossing_is_no_pitchfork() -> None:
     np.testing.assert_allclose([b.value for b in branch.bifurcations], [0.0, -2.5e-7], atol=1e-14)
 
 
+@pytest.mark.parametrize("imperfection", [1e-6, 1e-8])
+def test_no_step_jumps_to_a_branch_that_comes_close(imperfection: float) -> None:
+    # q = x**2 - e / x turns back at x = -(e / 2)**(1 / 3), next to the branch on which x is positive.
+    exact = discrete_map(lambda x, p: (x[0] * (1.0 + p.q) - x[0] ** 3 + p.e,), {"q": 0.3, "e": imperfection}, ("x",))
+    branch = continue_orbit(exact, periodic_orbit(exact, [-0.5]), "q", -0.5, 0.5)
+    assert kinds(branch) == [FOLD]
+    assert branch.bifurcations[0].value == pytest.approx(3.0 * (0.5 * imperfection) ** (2.0 / 3.0), rel=1e-8)
+    assert branch.values[0] == branch.values[-1] == 0.5
+    assert branch.points.max() < 0.0
+
+
 def test_doubled_orbits_are_born_in_a_pitchfork_of_two_steps() -> None:
     exact = logistic_map(3.3)
     branch = continue_orbit(exact, periodic_orbit(exact, [0.48], 2), "mu", 2.5, 3.5)
