@@ -28,7 +28,8 @@ _REMEDY = "give the period of the forcing (any positive number for an autonomous
 
 def check_periodic(name: str, function: InTime, length: float, remedy: str = _REMEDY) -> None:
     """Refuse a function, by its name, that does not repeat after some time."""
-    found = _unlike(function, length)
+    with np.errstate(all="ignore"):  # in functions of NumPy, at times that nobody asked for
+        found = _unlike(function, length)
     if found is None:
         return
     t, *both = found

@@ -113,3 +113,9 @@ def test_short_pulses_and_moving_walls_are_no_autonomous_systems() -> None:
     for make in (lambda: section_map(pulses, ("x", 0.0, 1)), lambda: flow_map(walls, 2.0)):
         with pytest.raises(ValueError, match="depends on time"):
             make()
+
+
+def test_values_that_are_infinite_for_a_while_bring_no_warning() -> None:
+    """Times are looked at that no orbit needs to reach; a warning is an error here."""
+    for force in (lambda t: np.inf if t % 1.0 < 0.4 else 1.0, lambda t: float(np.log(np.cos(2 * pi * t)))):
+        assert forced(force, 1.0).length == 1.0
