@@ -24,8 +24,8 @@ def warning_of_translates(attractors: Sequence[Attractor], point_map: PointMap) 
     """Return what is said of attractors that are others, moved by the period 2 pi of the map in a coordinate; or ""."""
     periodic: dict[int, bool] = {}
     again: dict[int, int] = {}
-    cycles = [(k, a) for k, a in enumerate(attractors) if a.period][:_MOST]
-    for (i, one), (k, other) in combinations(cycles, 2):
+    cycles = [(k, a) for k, a in enumerate(attractors) if a.period]
+    for (i, one), (k, other) in combinations(cycles[:_MOST], 2):
         moved = _moved(one, other)
         for j in moved:
             if j not in periodic:
@@ -36,8 +36,9 @@ def warning_of_translates(attractors: Sequence[Attractor], point_map: PointMap) 
         return ""
     names = [point_map.coordinates[j].name for j in sorted(periodic) if periodic[j]]
     repeated, first = next(iter(again.items()))
+    least = "at least " if len(cycles) > _MOST else ""
     return (
-        f"{len(again)} of {len(attractors)} attractors, such as {repeated}, are others, such as {first}, moved by "
+        f"{least}{len(again)} of {len(attractors)} attractors, such as {repeated}, are others, such as {first}, moved by "
         f"multiples of 2 pi in {' or '.join(names)}, in which the equations have that period: unless these are places "
         f"on a line, give {', '.join(f'angle({name!r})' for name in names)} among the coordinates"
     )
