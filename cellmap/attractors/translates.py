@@ -38,9 +38,9 @@ def warning_of_translates(attractors: Sequence[Attractor], point_map: PointMap) 
     repeated, first = next(iter(again.items()))
     least = "at least " if len(cycles) > _MOST else ""
     return (
-        f"{least}{len(again)} of {len(attractors)} attractors, such as {repeated}, are others, such as {first}, moved by "
-        f"multiples of 2 pi in {' or '.join(names)}, in which the equations have that period: unless these are places "
-        f"on a line, give {', '.join(f'angle({name!r})' for name in names)} among the coordinates"
+        f"{least}{len(again)} of {len(attractors)} attractors, such as {repeated}, are others, such as {first}, moved "
+        f"by multiples of 2 pi in {' or '.join(names)}, in which the equations have that period: unless these are "
+        f"places on a line, give {', '.join(f'angle({name!r})' for name in names)} among the coordinates"
     )
 
 

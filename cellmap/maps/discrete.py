@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._compiled.codegen.captured import Watched
 from .._compiled.codegen.expression import ImpureError
 from .._compiled.codegen.kernel import discrete_kernel, map_enclosure, tangent_step, traced_function, why_untraced
 from .._compiled.codegen.period import CompiledPeriod
@@ -24,6 +25,7 @@ from .coordinates import Coordinate, as_coordinates, turns_of
 from .misread import as_vectors, called_twice, check_compiled, lacking, undefined
 from .orbit_batch import Orbits, Status
 from .parameters_as_states import swept_axes, swept_function
+from .periodicity import value_at
 from .point_map import PointMap
 from .specification import MapSpec
 from .tangent import derivatives_of, tangent_by_lanes
@@ -93,6 +95,13 @@ class Discrete(MapSpec[PointMap]):
         set_field("params", parameter_values(self.params))
         set_field("name", text("name", self.name) or getattr(function, "__name__", type(function).__name__))
         _check_components(function, self.params, self.coordinates)
+        record = parameter_record(tuple(self.params))(*self.params.values())
+
+        def sample() -> list[float]:
+            states = [tuple(size + 0.1 * j for j in range(len(self.coordinates))) for size in (0.1, 0.37, 1.3)]
+            return [v for x in states for v in value_at(lambda t: function(x, record), 0.0)]  # noqa: B023
+
+        set_field("_watched", Watched(f"function of {self.name}", function, sample))
 
     @computed_once
     def _formulas(self) -> str:
@@ -100,6 +109,7 @@ class Discrete(MapSpec[PointMap]):
         return why_untraced(_timeless(self.function), len(self.coordinates), self.params)
 
     def _kernel(self, order: int, only_smooth: bool = False) -> CompiledPeriod | None:
+        self._watched.check()  # type: ignore[attr-defined]
         d, names = len(self.coordinates), tuple(self.params)
         return discrete_kernel(_timeless(self.function), d, names, order, not self._formulas, only_smooth)
 
@@ -128,6 +138,7 @@ class Discrete(MapSpec[PointMap]):
 
         @functools.cache
         def step_of_frames() -> MachineCode:
+            self._watched.check()  # type: ignore[attr-defined]
             return derivatives_of(name, tangent_step(_timeless(self.function), d, tuple(self.params)))
 
         def stretch(orbits: Orbits, frames: Floats, periods: int) -> Floats:
@@ -175,11 +186,13 @@ class Discrete(MapSpec[PointMap]):
 
     def trace(self) -> Trace | None:
         """Return the formulas, None where they are not known."""
+        self._watched.check()  # type: ignore[attr-defined]
         known = not self._formulas
         return traced_function(_timeless(self.function), len(self.coordinates), tuple(self.params)) if known else None
 
     def enclosure(self) -> CompiledEnclosure:
         """Return the compiled enclosure of images of boxes."""
+        self._watched.check()  # type: ignore[attr-defined]
         return map_enclosure(_timeless(self.function), len(self.coordinates), tuple(self.params))
 
     @property

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 
+from .._compiled.codegen.captured import Watched
 from .._compiled.codegen.filippov import SwitchingTrace
 from .._compiled.codegen.kernel import traced_function, traced_switching, why_untraced
 from .._compiled.codegen.linear import values
 from .._compiled.codegen.trace import Trace
 from .._lib.arrays import Floats
 from .._lib.computed import computed_once
+from .misread import PLACES
+from .periodicity import value_at
 from .system import ForcedSystem
 
 _SAMPLES = 2048  # of the forcing in a period; a pulse between two of them may be missed
@@ -28,6 +32,28 @@ class Formulas:
     unknown: str
     plain: Trace | None = None
     in_modes: SwitchingTrace | None = None
+    _watched: Watched = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        system, (_, switches, events) = self.system, self.system.functions
+        others = [f for f in (switches, events) if f is not None]
+
+        def at(t: float, state: tuple[float, ...]) -> list[float]:
+            return [*system.derivative(t, state), *(v for f in others for v in f(t, state, system.parameters))]
+
+        def sample() -> list[float]:
+            found: list[float] = []
+            for fraction, size in product(PLACES, (0.1, 1.1)):
+                state = tuple(size + 0.1 * j for j in range(system.dimension))
+                found.extend(value_at(lambda t: at(t, state), fraction * system.length))  # noqa: B023
+            return found
+
+        object.__setattr__(self, "_watched", Watched(f"rhs of {system.name}", system.functions, sample))
+
+    def unchanged(self) -> ForcedSystem:
+        """Return the system, for more of a map that has been made of it; refuse one that has changed since."""
+        self._watched.check()
+        return self.system
 
     @property
     def has_events(self) -> bool:

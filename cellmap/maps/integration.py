@@ -195,7 +195,7 @@ def tangent_flow(
     States are held to the tolerances of :func:`flow`, and tangent vectors to the tolerance `along` of errors relative
     to their lengths.  With events, or where the system is stiff, there is one vector, and all is held to `rtol`.
     """
-    system = known.system
+    system = known.unchanged()
     names, d = tuple(system.params), system.dimension
     if known.has_events or known.unknown or stiff:
         kernel = None
@@ -237,7 +237,7 @@ def jet_flow(
 
     With `finer` the steps are those of a tenth of the tolerance.
     """
-    system = known.system
+    system = known.unchanged()
     names = tuple(system.params)
     if known.has_events or known.unknown:
         return None
@@ -259,7 +259,7 @@ def _of_derivatives(
 
 
 def _kernel(known: Formulas, method: str, rtol: float) -> PeriodKernel:
-    system = known.system
+    system = known.unchanged()
     names, locates = tuple(system.params), method in {"auto", "Taylor"}
     if system.functions[1:] == (None, None) and not (known.has_events and locates):
         return flow_kernel(system.rhs, system.dimension, names, method, rtol, not known.unknown)

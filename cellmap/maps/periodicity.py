@@ -45,13 +45,13 @@ def check_periodic(name: str, function: InTime, length: float, remedy: str = _RE
 def _unlike(function: InTime, length: float) -> tuple[float, Floats, Floats] | None:
     """Return a time, the value there, and another one a period later; None where there is no such time."""
     for fraction in PLACES:
-        now, later = _value(function, fraction * length), _value(function, (fraction + 1.0) * length)
+        now, later = value_at(function, fraction * length), value_at(function, (fraction + 1.0) * length)
         if differ(now, later):
             return fraction * length, now, later
     near = _NEAR * length
     for before, after in _switches(function, length):
         for t in (before - 3.0 * near, after + 3.0 * near):
-            values = [_value(function, t + s) for s in (-near, 0.0, near, length)]
+            values = [value_at(function, t + s) for s in (-near, 0.0, near, length)]
             if not all(np.isfinite(v).all() for v in values):
                 continue
             *window, later = values
@@ -61,7 +61,7 @@ def _unlike(function: InTime, length: float) -> tuple[float, Floats, Floats] | N
     return None
 
 
-def _value(function: InTime, t: float) -> Floats:
+def value_at(function: InTime, t: float) -> Floats:
     """Return the value at one time; NaN outside of the domain of the function."""
     try:
         return np.array(function(t), dtype=float)
@@ -79,13 +79,13 @@ def sampled(function: InTime, length: float, count: int = _SAMPLES) -> tuple[Flo
         with np.errstate(all="ignore"):
             columns = over_arrays(function)(times.copy())
             rows = np.stack(np.broadcast_arrays(times, *columns)[1:], axis=-1).astype(float)
-        if not any(differ(rows[k], _value(function, float(times[k]))) for k in (_SAMPLES // 3, -1)):
+        if not any(differ(rows[k], value_at(function, float(times[k]))) for k in (_SAMPLES // 3, -1)):
             return times, rows
     except Exception:
         pass  # a function of numbers alone, such as one with branches
     times = (np.arange(count + 1) + 0.37) / count * length
     silent = rebind(function, {"print": lambda *_, **__: None})
-    values = [_value(silent, t) for t in times.tolist()]
+    values = [value_at(silent, t) for t in times.tolist()]
     rows = np.full((len(times), max(map(len, values))), np.nan)
     for k, value in enumerate(values):
         rows[k, : len(value)] = value
@@ -94,7 +94,7 @@ def sampled(function: InTime, length: float, count: int = _SAMPLES) -> tuple[Flo
 
 def _switches(function: InTime, length: float) -> list[tuple[float, float]]:
     """Return the times before and after jumps, or where a function is steep, where it is more so than elsewhere."""
-    components = len(_value(function, PLACES[0] * length))
+    components = len(value_at(function, PLACES[0] * length))
     times, rows = (v[:-1] for v in sampled(function, length, max(64, _SAMPLES // components)))
     rows = np.nan_to_num(rows, posinf=0.0, neginf=0.0)
     steps = np.diff(rows, axis=0)
@@ -107,7 +107,7 @@ def _switches(function: InTime, length: float) -> list[tuple[float, float]]:
     for k in found[np.argsort(-apart[found], kind="stable")][:_SWITCHES].tolist():
         beside = steps[max(k - 1, 0)], steps[min(k + 1, len(steps) - 1)]
         slope = np.where(np.abs(beside[0]) < np.abs(beside[1]), *beside) / (times[1] - times[0])
-        switches.append(_narrowed(lambda t: _value(function, t) - slope * t, float(times[k]), float(times[k + 1])))  # noqa: B023
+        switches.append(_narrowed(lambda t: value_at(function, t) - slope * t, float(times[k]), float(times[k + 1])))  # noqa: B023
     return switches
 
 
@@ -130,7 +130,7 @@ def shortest_period(function: InTime, length: float) -> float:
     def repeats(after: float, times: Sequence[float]) -> bool:
         """Tell whether the function is the same some time later, and is anything at all there."""
         for fraction in times:
-            pair = [_value(function, fraction * length + s) for s in (0.0, after)]
+            pair = [value_at(function, fraction * length + s) for s in (0.0, after)]
             if not all(np.isfinite(v).all() for v in pair) or differ(*pair):
                 return False
         return True

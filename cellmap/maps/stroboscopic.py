@@ -206,7 +206,7 @@ class Stroboscopic(MapSpec[PointMap]):
 
     def swept(self, names: tuple[str, ...]) -> Stroboscopic | None:
         """Return the specification with some parameters appended to the state, where the formulas are known."""
-        further, atol = with_states(self.system, names), self.atol
+        further, atol = with_states(self.formulas.unchanged(), names), self.atol
         if isinstance(atol, tuple):
             atol = (*atol, *len(names) * (max(atol),))
         return None if further is None else replace(self, system=further, atol=atol)
@@ -230,7 +230,7 @@ class Stroboscopic(MapSpec[PointMap]):
 
     def enclosure(self, order: int, second: bool) -> CompiledEnclosure:
         """Return the compiled enclosure of periods of boxes, with series of an order and second derivatives or not."""
-        s = self.system
+        s = self.formulas.unchanged()
         return period_enclosure(s.rhs, s.dimension, tuple(s.params), order, second)
 
     @property

@@ -61,7 +61,7 @@ def _values(item: Any, seen: set[int], names: frozenset[str]) -> Iterator[Any]:
     if isinstance(item, int | float | complex | str | bytes | np.generic):
         yield item
         return
-    if id(item) in seen or isinstance(item, type | types.BuiltinFunctionType | np.ufunc):
+    if id(item) in seen or isinstance(item, types.BuiltinFunctionType | np.ufunc):
         return
     seen.add(id(item))
     if isinstance(item, types.FunctionType):
@@ -70,6 +70,9 @@ def _values(item: Any, seen: set[int], names: frozenset[str]) -> Iterator[Any]:
         inner: list[Any] = [item.__globals__[n] for n in sorted(global_names(item.__code__)) if n in item.__globals__]
         inner += [c.cell_contents for c in item.__closure__ or ()]
         inner += [item.__defaults__, item.__kwdefaults__]
+    elif isinstance(item, type):
+        found = [vars(c) for c in reversed(item.__mro__) if c.__module__.split(".")[0] not in {"builtins", "numpy"}]
+        inner = [attributes[n] for attributes in found for n in sorted(names) if n in attributes]
     elif isinstance(item, types.ModuleType):
         if item.__name__ in {"math", "numpy"}:
             return
@@ -91,3 +94,27 @@ def _values(item: Any, seen: set[int], names: frozenset[str]) -> Iterator[Any]:
         inner = [plain] if plain is not None else [call, getattr(item, "__dict__", None)]
     for part in inner:
         yield from _values(part, seen, names)
+
+
+class Watched:
+    """Functions that something has been made of, which is not to be made of other ones later.
+
+    ``sample`` calls them at some places: they may read values that do not matter, as those of a dictionary beside the
+    one that they ask for.
+    """
+
+    def __init__(self, name: str, functions: Any, sample: Callable[[], Any]) -> None:
+        self._name, self._functions, self._sample = name, functions, sample
+        self._read, self._found = captured(functions), self._samples()
+
+    def check(self) -> None:
+        """Refuse functions that have become other ones, by a value that they read besides their arguments."""
+        if captured(self._functions) != self._read and not np.array_equal(self._samples(), self._found, equal_nan=True):
+            raise ValueError(
+                f"{self._name} reads a value that has changed since the map was made: make the map anew, or make the "
+                "value a parameter in params and change that by with_params"
+            )
+
+    def _samples(self) -> Any:
+        with np.errstate(all="ignore"):
+            return np.array(self._sample(), dtype=float)

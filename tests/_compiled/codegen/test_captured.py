@@ -14,6 +14,7 @@ import pytest
 
 from cellmap import ForcedSystem, discrete_map, stroboscopic_map
 from cellmap._compiled.codegen.captured import captured, kept
+from cellmap.maps import jacobian
 
 stiffness = 1.0
 
@@ -107,6 +108,32 @@ def test_a_changed_constant_is_seen(form: str, monkeypatch: pytest.MonkeyPatch) 
     after = image()
     exact = (-1.0, -2.0) if form == "discrete" else (np.exp(-1.0), np.exp(-2.0))
     assert (before, after) == pytest.approx(exact, rel=1e-5)
+
+
+def test_a_map_has_no_derivatives_of_a_system_that_has_changed_since() -> None:
+    """What a map compiles later is of the same system as its images: in a class and a dictionary too."""
+
+    class Spring:
+        stiffness = 1.0
+
+    settings = {"damping": 0.0, "seed": 1.0}
+
+    def rhs(t: float, x: Any, p: Any) -> tuple[float]:
+        return (-(Spring.stiffness + settings["damping"]) * x[0],)
+
+    first = stroboscopic_map(ForcedSystem(rhs, {}, 1.0, ("x",)))
+    settings["seed"] = 2.0  # which rhs does not ask for
+    assert jacobian(first, [1.0]) == pytest.approx(np.exp(-1.0), rel=1e-9)
+    second = stroboscopic_map(first.spec.system)
+    step = discrete_map(lambda x, p: rhs(0.0, x, p), {}, ("x",))
+    Spring.stiffness = 2.0
+    with pytest.raises(ValueError, match=r"rhs of .* reads a value that has changed since the map was made"):
+        jacobian(second, [1.0])
+    with pytest.raises(ValueError, match=r"function of .* reads a value that has changed since the map was made"):
+        jacobian(step, [1.0])
+    third = stroboscopic_map(first.spec.system)
+    assert [m([1.0])[0] for m in (second, third)] == pytest.approx(np.exp([-1.0, -2.0]), rel=1e-8)
+    assert jacobian(third, [1.0]) == pytest.approx(np.exp(-2.0), rel=1e-9)
 
 
 def test_objects_without_a_hash_are_refused() -> None:
