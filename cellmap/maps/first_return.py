@@ -21,18 +21,21 @@ from .tangent import tangent_by_lanes
 
 _LAST = 1e-9  # fraction of a stretch before its end in which an arrival is left to the next one
 _AT_REST = 1e-13  # largest move in a stretch, relative to 1 or to the point, of an orbit that rests
-EXTRA = 3  # states besides those of the system: time under way, side of the section, its value
+EXTRA = 4  # states besides those of the system: time under way, side of the section, its value, way since the crossing
 
 
 def gated_system(system: ForcedSystem, place: int) -> ForcedSystem:
     """Return the system whose state stays constant once it has crossed the section.
 
-    Further states are the time under way, the sign of the side on which it moves, and the value on the section.
+    Further states are the time under way, the sign of the side on which it moves, the value on the section, and the
+    way since the crossing.  This leads the switching function on, more slowly than the motion has come: without it
+    there would be no direction beyond the section, and rounding would tell whether an orbit slides along it, or comes
+    back to it without end.
     """
     turn = system.axes[place].period
     rhs, switches = _gated_functions(system.rhs, system.dimension, place, turn)
     taken = {c.name for c in system.axes}
-    names = [n if n not in taken else f"section {n}" for n in ("time under way", "side", "value")]
+    names = [n if n not in taken else f"section {n}" for n in ("time under way", "side", "value", "way since")]
     # The sign of the side differs after a full rotation: the angle of the section is kept unwrapped here.
     axes = [Coordinate(c.name) if j == place else c for j, c in enumerate(system.axes)]
     return ForcedSystem(rhs, system.params, system.length, (*axes, *names), system.name, switches)
@@ -45,12 +48,14 @@ def _gated_functions(
     """Return right-hand side and switches with a gate at the section; the same ones every time."""
 
     def moving(t: float, x: Sequence[float], p: Any, s: Sequence[float]) -> Sequence[float]:
-        gate = 0.5 * (1.0 + x[dimension + 1] * s[0])
-        return (*[gate * rate for rate in rhs(t, x[:dimension], p)], gate, 0.0, 0.0)
+        gate, rates = 0.5 * (1.0 + x[dimension + 1] * s[0]), rhs(t, x[:dimension], p)
+        square = rates[place] * rates[place]
+        on = 0.5 * square / (1.0 + square)  # at most a quarter of the speed
+        return (*[gate * rate for rate in rates], gate, 0.0, 0.0, (1.0 - gate) * on)
 
     def switching(t: float, x: Sequence[float], p: Any) -> Sequence[float]:
-        beyond = x[place] - x[dimension + 2]
-        return (beyond if turn is None else sin(np.pi / turn * beyond),)
+        beyond, on = x[place] - x[dimension + 2], x[dimension + 1] * x[dimension + 3]
+        return ((beyond if turn is None else turn / np.pi * sin(np.pi / turn * beyond)) - on,)
 
     return moving, switching
 
@@ -81,7 +86,9 @@ class Trip:
         status[resting] = Status.NO_RETURN
         pending = np.flatnonzero(~resting)
         while len(pending):
-            states[pending, d] = 0.0
+            states[pending, d] = states[pending, d + 3] = 0.0
+            if total is not None:
+                total[pending, d + 3] = 0.0
             moved = self._move(states[pending], status, pending, total)
             states[pending] = moved
             alive = status[pending] < Status.ESCAPED

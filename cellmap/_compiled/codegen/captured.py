@@ -111,7 +111,7 @@ class Watched:
         """Refuse functions that have become other ones, by a value that they read besides their arguments."""
         if captured(self._functions) != self._read and not np.array_equal(self._samples(), self._found, equal_nan=True):
             raise ValueError(
-                f"{self._name} reads a value that has changed since the map was made: make the map anew, or make the "
+                f"{self._name} reads a value that has changed since the map was made: make another map, or make the "
                 "value a parameter in params and change that by with_params"
             )
 

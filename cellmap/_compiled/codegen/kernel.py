@@ -37,6 +37,7 @@ Functions = tuple[Callable[..., Any] | None, ...]
 """A right-hand side, its switching functions, and the guards and resets of its impacts, where it has any."""
 
 _LOG = logging.getLogger("cellmap")
+_OF_MANY_STEPS = 0.05  # of the tolerance of a step, for derivatives: at a low order steps are many, and errors add up
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +189,8 @@ def switching_kernel(
             return None
     # Derivatives are needed at few points only: a lower order saves more time in compiling than it costs in steps.
     order = taylor_order(max(rtol, 1e-9) if tangent else rtol, traced.motion, (*traced.motion.outputs, *traced.events))
-    advance = compiled_switching(traced, order, len(names), 10.0 ** round(log10(rtol)), one_step=tangent)
+    tolerance = 10.0 ** round(log10(rtol)) * (_OF_MANY_STEPS if tangent else 1.0)
+    advance = compiled_switching(traced, order, len(names), tolerance, one_step=tangent)
     return finished(advance, taylor_method(order), trial=0)
 
 
