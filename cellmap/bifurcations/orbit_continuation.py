@@ -161,8 +161,8 @@ def switch_branch(
     step, points, progress
         As for :func:`continue_orbit`.
     side : {1, -1}, optional
-        Side of the new branch.  The two sides of a pitchfork are mirror images; those of a period doubling are the same
-        orbit, shifted by half a period.
+        Side of the new branch.  The two sides of a pitchfork are mirror images, or, of the branch that passes it, lower
+        and higher values of the parameter; those of a period doubling are the same orbit, shifted by half a period.
 
     Returns
     -------
