@@ -95,13 +95,18 @@ class Discrete(MapSpec[PointMap]):
         set_field("params", parameter_values(self.params))
         set_field("name", text("name", self.name) or getattr(function, "__name__", type(function).__name__))
         _check_components(function, self.params, self.coordinates)
-        record = parameter_record(tuple(self.params))(*self.params.values())
+        _ = self._watched  # the function as it is now
+
+    @computed_once
+    def _watched(self) -> Watched:
+        """The function, which is not to be another one when more is compiled of it."""
+        function, record = self.function, parameter_record(tuple(self.params))(*self.params.values())
 
         def sample() -> list[float]:
             states = [tuple(size + 0.1 * j for j in range(len(self.coordinates))) for size in (0.1, 0.37, 1.3)]
             return [v for x in states for v in value_at(lambda t: function(x, record), 0.0)]  # noqa: B023
 
-        set_field("_watched", Watched(f"function of {self.name}", function, sample))
+        return Watched(f"function of {self.name}", function, sample)
 
     @computed_once
     def _formulas(self) -> str:
@@ -109,7 +114,7 @@ class Discrete(MapSpec[PointMap]):
         return why_untraced(_timeless(self.function), len(self.coordinates), self.params)
 
     def _kernel(self, order: int, only_smooth: bool = False) -> CompiledPeriod | None:
-        self._watched.check()  # type: ignore[attr-defined]
+        self._watched.check()
         d, names = len(self.coordinates), tuple(self.params)
         return discrete_kernel(_timeless(self.function), d, names, order, not self._formulas, only_smooth)
 
@@ -138,7 +143,7 @@ class Discrete(MapSpec[PointMap]):
 
         @functools.cache
         def step_of_frames() -> MachineCode:
-            self._watched.check()  # type: ignore[attr-defined]
+            self._watched.check()
             return derivatives_of(name, tangent_step(_timeless(self.function), d, tuple(self.params)))
 
         def stretch(orbits: Orbits, frames: Floats, periods: int) -> Floats:
@@ -186,13 +191,13 @@ class Discrete(MapSpec[PointMap]):
 
     def trace(self) -> Trace | None:
         """Return the formulas, None where they are not known."""
-        self._watched.check()  # type: ignore[attr-defined]
+        self._watched.check()
         known = not self._formulas
         return traced_function(_timeless(self.function), len(self.coordinates), tuple(self.params)) if known else None
 
     def enclosure(self) -> CompiledEnclosure:
         """Return the compiled enclosure of images of boxes."""
-        self._watched.check()  # type: ignore[attr-defined]
+        self._watched.check()
         return map_enclosure(_timeless(self.function), len(self.coordinates), tuple(self.params))
 
     @property

@@ -43,12 +43,16 @@ class Formulas:
 
         def sample() -> list[float]:
             found: list[float] = []
-            for fraction, size in product(PLACES, (0.1, 1.1)):
-                state = tuple(size + 0.1 * j for j in range(system.dimension))
+            for fraction, state in product(PLACES, self._states):
                 found.extend(value_at(lambda t: at(t, state), fraction * system.length))  # noqa: B023
             return found
 
         object.__setattr__(self, "_watched", Watched(f"rhs of {system.name}", system.functions, sample))
+
+    @property
+    def _states(self) -> list[tuple[float, ...]]:
+        """Two states at which the right-hand side is looked at."""
+        return [tuple(size + 0.1 * j for j in range(self.system.dimension)) for size in (0.1, 1.1)]
 
     def unchanged(self) -> ForcedSystem:
         """Return the system, for more of a map that has been made of it; refuse one that has changed since."""
@@ -79,9 +83,9 @@ class Formulas:
     def harmonics(self) -> list[Floats]:
         """Strengths of the harmonics of the right-hand side at two states, where it is finite over the period."""
         times, found = np.linspace(0.0, self.system.length, _SAMPLES, endpoint=False), list[Floats]()
-        for size in (0.1, 1.1):
+        for state in self._states:
             try:
-                samples = self.derivatives(times, tuple(size + 0.1 * j for j in range(self.system.dimension)))
+                samples = self.derivatives(times, state)
             except Exception:
                 continue  # outside the domain of the right-hand side
             if np.isfinite(samples).all():

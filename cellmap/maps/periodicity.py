@@ -15,13 +15,12 @@ InTime = Callable[[float], Sequence[float]]
 
 MOST_CYCLES = 1000  # of a function in a period that are looked for
 _SAMPLES = MOST_CYCLES + 24  # in a period
-_TIMES = (*(0.5 + 0.5 * np.cos(np.arange(1.0, 41.0))).tolist(), 0.01370521, 0.21093467)
+_TIMES = (*(0.5 + 0.5 * np.cos(np.arange(1.0, 41.0))).tolist(), *PLACES[:2])
 """Times in periods, irregular, at which a function is compared with itself: short pulses are to be met."""
 
 _SWITCHES = 8  # places of change that are narrowed down
 _HALVINGS = 17  # of a sample's distance, to less than _NEAR
 _NEAR = 1e-7  # of a period: a switch that is so near to where it was a period before has stayed there
-
 
 _REMEDY = "give the period of the forcing (any positive number for an autonomous system)"
 
