@@ -63,7 +63,7 @@ def continue_attractors(
     [0.8906, -0.8906]
     """
     check_attractors(attractors, point_map, "attractors")
-    orbits = [a for a in attractors if a.neighbourhood is not None and a.period]
+    orbits = [a for a in attractors if is_followed(a)]
     circles = [a for a in attractors if a.kind is Kind.QUASIPERIODIC]
     if not orbits and not circles:
         return ()
@@ -77,6 +77,11 @@ def continue_attractors(
     found = list(with_regions(point_map, orbits_followed(point_map, orbits, extent), extent).values())
     found += circles_followed(point_map, circles, extent, found).values()
     return tuple(sorted(found, key=sort_key))
+
+
+def is_followed(attractor: Attractor) -> bool:
+    """Tell whether an attractor is an orbit that Newton's method follows from map to map, with its trapping region."""
+    return attractor.neighbourhood is not None and attractor.period > 0
 
 
 def _region_spanned(attractors: Sequence[Attractor]) -> Floats:

@@ -12,7 +12,7 @@ import numpy as np
 
 from .._lib.arrays import Floats
 from .._lib.stopping import Stop
-from ..attractors.continued import circles_followed, orbits_followed, with_regions
+from ..attractors.continued import circles_followed, is_followed, orbits_followed, with_regions
 from ..attractors.matching import persistent_labels, thinned
 from ..attractors.residence import is_same
 from ..attractors.search import find_attractors
@@ -107,7 +107,7 @@ class Family:
                 before = {k: _carried(last.point_map, a, phase or 0.0) for k, a in before.items()}
                 with self._guard:
                     self._memory = {k: _carried(last.point_map, a, phase or 0.0) for k, a in self._memory.items()}
-        regular = {k: a for k, a in before.items() if a.neighbourhood is not None and a.period}
+        regular = {k: a for k, a in before.items() if is_followed(a)}
         if not regular:
             return Member(self._base if spec is None else spec.build(), phase, before, key=key)
         drafted = isinstance(spec, Interpolated)
@@ -118,7 +118,7 @@ class Family:
             point_map = (
                 self._base if spec is None else draft_of(spec) if isinstance(spec, Interpolated) else spec.build()
             )
-        gone = {k: a for k, a in self._memory.items() if k not in regular and a.neighbourhood is not None and a.period}
+        gone = {k: a for k, a in self._memory.items() if k not in regular and is_followed(a)}
         followed = {**regular, **dict(list(gone.items())[-_TRIED:])}
         names = list(followed)
         found = orbits_followed(point_map, list(followed.values()), self._extent)
@@ -147,18 +147,17 @@ class Family:
             else:
                 point_map = examined(draft.point_map) if draft.unexamined else draft.point_map
             stop.check()
-            found = with_regions(point_map, draft.known(), self._extent)
+            # Chaos, tori and continua that a search found on the draft are found again on the map itself.
+            orbits = {k: a for k, a in draft.known().items() if is_followed(a)}
+            found = with_regions(point_map, orbits, self._extent)
             circles = {k: a for k, a in draft.before.items() if a.kind is Kind.QUASIPERIODIC}
-            names, orbits = list(circles), list(found.values())
-            curves = circles_followed(point_map, list(circles.values()), self._extent, orbits)
+            names = list(circles)
+            curves = circles_followed(point_map, list(circles.values()), self._extent, list(found.values()))
             found |= {names[k]: a for k, a in curves.items()}
             place = Member(point_map, draft.phase, draft.before, list(found.values()), list(found), key=draft.key)
             with self._guard:
                 self._memory |= found
-            regular = {
-                k: a for k, a in draft.before.items() if (a.neighbourhood is not None and a.period) or k in circles
-            }
-            lost = [a for k, a in regular.items() if k not in found]
+            lost = [a for k, a in draft.before.items() if (is_followed(a) or k in circles) and k not in found]
             if lost:
                 seeds = np.concatenate([thinned(a.points, _SEEDS) for a in lost])
                 self.identify(place, find_attractors(point_map, seeds, *self._limits, attractors=place.attractors))
