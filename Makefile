@@ -106,7 +106,7 @@ test-aarch64: env
 	PYTHONPATH=tests/platforms $(RUN) -m pytest -p aarch64 -q $(ROOMS)
 
 # Lines that the tests of ROOMS run: make coverage ROOMS=tests/maps
-coverage: $(INSTALLED)release
+coverage: env
 	$(RUN) -m coverage run --source=cellmap,systems -m pytest -q $(ROOMS)
 	$(RUN) -m coverage report --skip-covered --sort=cover | tail -40
 
@@ -125,7 +125,6 @@ MUTANTS := maps=80 attractors=60 basins=80 analysis=85 bifurcations=115 _lib=35
 
 mutants: export OPENBLAS_NUM_THREADS ?= 1
 mutants: env
-	$(INSTALL) coverage
 	nice -n 15 $(RUN) tests/mutation/run.py $(MUTANTS)
 
 size: env

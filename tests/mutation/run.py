@@ -1,11 +1,12 @@
 """Run mutants: `python tests/mutation/run.py maps=70 basins=80`; with `--at cellmap/maps/grid.py:40` all of a line.
 
 The tree is copied to `--work`.  First the tests of a room run once, with coverage, which says what tests execute each
-line.  Then a process that has collected them is forked for each mutant: the copy gets the code of the mutant and runs
-the tests that execute it, the fastest first, up to the first failure.  What runs at import is imported again instead.
-Limits are in CPU time, so that they do not depend on the load: 3 times that of the tests and 20 s; beyond it a mutant
-is killed.  The rows of `--work/results.jsonl` are kept: what has been run is not run again.  Needs the package
-`coverage`, and Linux.
+line; a test that fails without any mutant ends the run.  Then a process that has collected them is forked for each
+mutant: the copy gets the code of the mutant and runs the tests that execute it, the fastest first, up to the first
+failure.  What runs at import is imported again instead.  Limits are in CPU time, so that they do not depend on the
+load: 3 times that of the tests and 20 s; beyond it a mutant is killed.  The rows of `--work/results.jsonl` are kept:
+what has been run is not run again.  A mutant on which the tool itself failed has no row, and the exit status is 1.
+Needs the package `coverage`, and Linux.
 """
 
 from __future__ import annotations
@@ -37,6 +38,10 @@ USED = {"_lib": ["_lib", "basins", "attractors", "maps"]}
 OPTIONS = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
 PREPARED = "h5py hypothesis llvmlite.binding matplotlib.pyplot mpmath scipy.integrate sklearn.cluster sympy"
 AT_IMPORT = -1
+COPIED = "cellmap systems studies tests docs pyproject.toml README.md CHANGELOG.md"
+KILLED_AT_IMPORT = {int(pytest.ExitCode.TESTS_FAILED), int(pytest.ExitCode.INTERRUPTED)}
+"""Exit statuses of pytest on a mutant that is imported anew: a test failed, or its module could not be imported."""
+TOOL_FAILED = 99
 
 
 class Recorder:
@@ -80,7 +85,7 @@ def cpu_seconds() -> float:
 def record(tree: Path, room: str, kept: Path) -> dict[str, Any]:
     """Run the tests of a room with coverage: their times, and for each file and line the tests that execute it."""
     if not kept.exists() and forked(lambda: _record(tree, room, kept), 1e5)[0]:
-        raise SystemExit(f"the tests of {room} could not be run")
+        raise SystemExit(f"the tests of {room} have to pass without any mutant before one can be judged")
     found: dict[str, Any] = json.loads(kept.read_text())
     return found
 
@@ -91,10 +96,13 @@ def _record(tree: Path, room: str, kept: Path) -> int:
     measured = coverage.Coverage(include=[f"{tree}/cellmap/*"], omit=["*/_compiled/*"], data_file=None)
     recorder = Recorder(measured)
     measured.start()
-    pytest.main([*OPTIONS, f"tests/{room}"], plugins=[recorder])
+    status = pytest.main([*OPTIONS, f"tests/{room}"], plugins=[recorder])
     measured.stop()
     data = measured.get_data()
-    names = sorted(recorder.seconds.keys() - recorder.failed)
+    names = sorted(recorder.seconds)
+    if status or not names or not data.measured_files():
+        print(f"tests/{room}: pytest ended with {status!r} after {len(names)} tests; failed: {sorted(recorder.failed)}")
+        return 1
     users: dict[str, set[int]] = {"": {AT_IMPORT}}
     for number, test in enumerate(names):
         for context in (test, *recorder.used[test]):
@@ -106,7 +114,6 @@ def _record(tree: Path, room: str, kept: Path) -> int:
         }
         for path in data.measured_files()
     }
-    print("failed without any mutant, and left out:", sorted(recorder.failed))
     kept.write_text(json.dumps({"tests": names, "seconds": [recorder.seconds[n] for n in names], "lines": lines}))
     return 0
 
@@ -136,7 +143,7 @@ def forked(work: Callable[[], int], limit: float, log: Path | None = None) -> tu
     """Do work in a child with a limit of CPU time; return its exit status, negative for a signal, and its CPU time."""
     child = os.fork()
     if child == 0:
-        status = 99
+        status = TOOL_FAILED
         try:
             os.setpgid(0, 0)
             resource.setrlimit(resource.RLIMIT_CPU, (int(limit) + 1, int(limit) + 2))
@@ -190,9 +197,9 @@ class Judge:
     def imported(self, tests: list[str]) -> int:
         sys.dont_write_bytecode = True
         self.rank = {test: i for i, test in enumerate(tests)}
-        return int(
-            pytest.main([*OPTIONS, *sorted({test.partition("::")[0] for test in tests})], plugins=[Ordered(self)])
-        )
+        files = sorted({test.partition("::")[0] for test in tests})
+        status = int(pytest.main([*OPTIONS, *files], plugins=[Ordered(self)]))
+        return TOOL_FAILED if status and status not in KILLED_AT_IMPORT else status
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.failed:
@@ -206,12 +213,17 @@ class Judge:
         status, used = 0, 0.0
         if tests:
             path.write_bytes(mutant.of(source))
+            # Bytecode of the original is told from that of a mutant by whole seconds.
+            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns + 2 * 10**9))
             try:
                 status, used = forked(work, limit, log)
             finally:
                 path.write_bytes(source)
                 os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
         by = "" if tests else "no test executes it"
+        if status == TOOL_FAILED:
+            os.write(self.out, f"NOT JUDGED {mutant}\n{log.read_text(errors='replace')[-2000:]}\n".encode())
+            return
         if status < 0:
             by = f"signal {-status} (CPU time above {limit:.0f} s)"
         elif status:
@@ -246,6 +258,14 @@ def rows(results: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in results.read_text().splitlines()] if results.exists() else []
 
 
+def key_of(row: dict[str, Any]) -> tuple[str, int, str]:
+    return row["path"], row["begin"], row["new"]
+
+
+def judged(results: Path) -> set[tuple[str, int, str]]:
+    return set(map(key_of, rows(results)))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("rooms", nargs="*", metavar="room=number")
@@ -254,12 +274,15 @@ def main() -> None:
     parser.add_argument("--most", type=float, default=60.0, metavar="SECONDS", help="of tests for each mutant")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--work", type=Path, default=Path("/tmp/cellmap-mutants"))
+    parser.add_argument("--prepared", nargs="*", default=PREPARED.split(), help="modules that are imported only once")
+    parser.add_argument("--root", type=Path, default=ROOT, help="tree of which the mutants are; this one by default")
     given = parser.parse_args()
     tree, results = given.work / "tree", given.work / "results.jsonl"
     shutil.rmtree(tree, ignore_errors=True)
     tree.mkdir(parents=True)
-    for part in ("cellmap", "systems", "studies", "tests", "docs", "pyproject.toml", "README.md", "CHANGELOG.md"):
-        (shutil.copytree if (ROOT / part).is_dir() else shutil.copy2)(ROOT / part, tree / part)
+    for part in (given.root.resolve() / name for name in COPIED.split()):
+        if part.exists():
+            (shutil.copytree if part.is_dir() else shutil.copy2)(part, tree / part.name)
     os.chdir(tree)
     sys.path.insert(0, str(tree))
     cache, bytecode = given.work / "kernels", given.work / "bytecode"
@@ -267,29 +290,33 @@ def main() -> None:
     sys.pycache_prefix, sys.dont_write_bytecode = str(bytecode), False
     os.environ |= {"PYTHONPATH": str(tree), "CELLMAP_CACHE_DIR": str(cache)}
     os.environ |= {"PYTHONPYCACHEPREFIX": str(bytecode), "PYTHONDONTWRITEBYTECODE": "1"}
-    for name in PREPARED.split():
+    for name in given.prepared:
         __import__(name)
     wanted = {room: int(number) for room, _, number in (r.partition("=") for r in given.rooms)}
     mutants = [m for room, number in wanted.items() for m in chosen(tree, room, number, given.seed, given.constant)]
     for place in given.at:
         path, _, line = place.partition(":")
         mutants += [mutant for mutant in mutants_of(tree / path, tree) if mutant.line == int(line)]
-    done = {(row["path"], row["begin"], row["new"]) for row in rows(results)}
-    mutants = [mutant for mutant in mutants if (mutant.path, mutant.begin, mutant.new) not in done]
+    done = judged(results)
+    mutants = [mutant for mutant in mutants if key_of(vars(mutant)) not in done]
     for room in dict.fromkeys(Path(mutant.path).parts[1] for mutant in mutants):
         used = USED.get(room, [room])
         recorded = [record(tree, r, given.work / f"{r}.json") for r in used]
         found = [(m, *tests_of(m, recorded, given.most)) for m in mutants if Path(m.path).parts[1] == room]
         judge = Judge(tree, results, [(m, tests, seconds) for m, tests, seconds, at_import in found if not at_import])
         log = given.work / "collected.txt"
-        if judge.work:
-            forked(lambda u=used, j=judge: pytest.main([*OPTIONS, *(f"tests/{r}" for r in u)], plugins=[j]), 1e6, log)
+        folders = [f"tests/{r}" for r in used]
+        if judge.work and forked(lambda j=judge, f=folders: pytest.main([*OPTIONS, *f], plugins=[j]), 1e6, log)[0]:
+            raise SystemExit(f"{' '.join(folders)} could not be collected:\n{log.read_text(errors='replace')[-2000:]}")
         for mutant, tests, seconds, at_import in found:
             if at_import:
                 judge.judge(mutant, tests, seconds, lambda j=judge, t=tests: j.imported(t))
     for room in sorted({Path(row["path"]).parts[1] for row in rows(results)}):
         of_room = [row["killed"] for row in rows(results) if Path(row["path"]).parts[1] == room]
         print(f"{room}: {sum(of_room)} of {len(of_room)} killed")
+    done = judged(results)
+    if missed := [str(mutant) for mutant in mutants if key_of(vars(mutant)) not in done]:
+        raise SystemExit(f"{len(missed)} mutants were not judged: {', '.join(missed)}")
 
 
 if __name__ == "__main__":
