@@ -179,12 +179,31 @@ class TestChains:
     def test_invariant_measure_that_mixes_slowly(self):
         """A walk between two walls that tends to the left, by 3000 states: geometric."""
         n, r = 3000, 0.999
-        up, down = r / (1.0 + r), 1.0 / (1.0 + r)
-        stay = np.zeros(n)
-        stay[0], stay[-1] = down, up
-        matrix = csr_array(diags_array([np.full(n - 1, down), stay, np.full(n - 1, up)], offsets=[-1, 0, 1]))
         expected = r ** np.arange(n)
-        np.testing.assert_allclose(invariant_measure(matrix, np.arange(n)), expected / expected.sum(), atol=1e-7)
+        measure = invariant_measure(walk_to_the_left(n, r), np.arange(n))
+        np.testing.assert_allclose(measure, expected / expected.sum(), atol=1e-7)
+
+    def test_an_invariant_measure_that_no_solver_finds_is_told(self, monkeypatch):
+        """The same walk without elimination, by fewer steps than states and an eigensolver of two restarts."""
+        from scipy.sparse import linalg
+
+        n, r, eigs = 400, 0.99, linalg.eigs
+        matrix, expected = walk_to_the_left(n, r), r ** np.arange(n)
+        monkeypatch.setattr(markov, "_DIRECT", 0.0)
+        np.testing.assert_allclose(invariant_measure(matrix, np.arange(n)), expected / expected.sum(), atol=1e-9)
+        monkeypatch.setattr(markov, "_POWERS", 20)
+        monkeypatch.setattr(linalg, "eigs", lambda *given, **options: eigs(*given, **options, maxiter=2))
+        with pytest.warns(RuntimeWarning, match="class of 400 states has a residual of .*mixes too slowly"):
+            measure = invariant_measure(matrix, np.arange(n))
+        assert np.abs(measure @ matrix - measure).sum() > 1e-5
+
+
+def walk_to_the_left(n, ratio):
+    """A walk between two walls, in which a step to the right is so many times as likely as one to the left."""
+    up, down = ratio / (1.0 + ratio), 1.0 / (1.0 + ratio)
+    stay = np.zeros(n)
+    stay[0], stay[-1] = down, up
+    return csr_array(diags_array([np.full(n - 1, down), stay, np.full(n - 1, up)], offsets=[-1, 0, 1]))
 
 
 def with_sinks(inner, first, last):
