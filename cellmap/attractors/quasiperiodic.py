@@ -94,7 +94,7 @@ def quasiperiodic_attractors(
         attractor = _on_curves(exact, before.points[0], extent, age, found, slow)
         if attractor is None and exact.dimension > 2 and not len(found.cycles):
             attractor = _on_torus(exact, before.points[0], extent)
-        if attractor is not None and len(_outside(attractor.points[:1], attractors, exact)):
+        if attractor is not None and _is_new(attractor, attractors, exact):
             assert attractor.cover is not None
             found.attractors.append(attractor)
             left = left[~inside_cover(attractor.cover, left, exact)]
@@ -218,6 +218,13 @@ def _cycle(system: ForcedSystem, exact: PointMap, sampled: PointMap, fitted: Fit
                     ),
                 )
     return None
+
+
+def _is_new(attractor: Attractor, known: Sequence[Attractor], point_map: PointMap) -> bool:
+    """Tell whether an attractor is none of those known: the boxes of a tube need not cover all of its curve."""
+    verified = [a for a in known if a.verified]
+    every, first = attractor.points, attractor.points[:1]
+    return len(_outside(every, verified, point_map)) == len(every) and len(_outside(first, known, point_map)) == 1
 
 
 def _outside(states: Floats, known: Sequence[Attractor], point_map: PointMap) -> Floats:

@@ -8,6 +8,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.spatial import cKDTree
 
 from cellmap import (
     CellGrid,
@@ -146,6 +147,18 @@ def test_forced_oscillator_outside_its_tongue():
 
 
 # --- what is not quasi-periodic
+
+
+def test_a_torus_whose_tube_does_not_cover_it_all_is_found_once():
+    """Close to its tongue orbits are slow in one place; late points of orbits from four corners lie on one curve."""
+    point_map = stroboscopic_map(VAN_DER_POL.with_params(force=1.0, omega=1.2), rtol=1e-6, atol=1e-6)
+    basins = find_basins(point_map, CellGrid((-3, -3), (3, 3), (12, 12)), max_periods=500)
+    (torus,) = basins.attractors
+    assert torus.kind is Kind.QUASIPERIODIC
+    assert (basins.labels == 0).all()
+    late = [point_map.orbit([q, v], 2000).points[200:] for q in (-2.75, 2.75) for v in (-2.75, 2.75)]
+    for points in late[1:]:
+        assert cKDTree(late[0]).query(points)[0].max() < 0.1
 
 
 def shift_of_cycle(rotations: int, period: int) -> float:
