@@ -27,8 +27,9 @@ from ..maps.parameters_as_states import swept_map
 from ..maps.point_map import PointMap
 from .atlas_curves import borders_of, curves_at
 from .atlas_families import AtlasKind, Attractors, families_of
+from .atlas_neighbours import links_between, spread
 from .atlas_record import AttractorAtlas, AttractorFamily
-from .coexistence import Explorer, slow_ones, spread
+from .coexistence import Explorer
 from .intervals import axis_of
 
 _ORBITS = 65536  # in a tile
@@ -57,12 +58,14 @@ def attractor_atlas(
     to 1/128 by factors of 2, are nearer to the orbit.  An orbit that enters one has converged.  This is evidence, not
     the proof that the trapping regions of :func:`find_attractors` are: compare points of interest with
     :func:`find_basins`.  What has not converged after `max_periods` is classified by the largest Lyapunov exponent of
-    one orbit at the parameter point.
+    one orbit at the parameter point.  Where that is zero, the orbit counts as quasi-periodic if its mean square
+    distances from itself up to 64 steps later are the same in the next `max_periods` and in as many after these; else
+    it is undecided, as an orbit is that comes to its attractor slowly.
 
     Periodic attractors are looked for at the neighbouring points too, where no initial condition may have reached them.
-    Attractors at neighbouring points form families.  Where a family ends, its orbit is continued across the border, and
-    the bifurcation found is continued through the plane, so that borders are known to rounding error instead of to a
-    cell.
+    Attractors of neighbouring points that continue each other form families.  Where one has no continuation at the next
+    point, its orbit is continued across this border, and the bifurcation found is continued through the plane, so that
+    borders are known to rounding error instead of to a cell.
 
     Parameters
     ----------
@@ -157,12 +160,10 @@ def attractor_atlas(
     found = Attractors.joined(*(parts[k][0].shifted(k * tile) for k in numbers))
     escaped, undecided = (np.concatenate([parts[k][j] for k in numbers]).reshape(shape) for j in (1, 2))
     found = spread(job, values, shape, found, label)
-    slow = slow_ones(found)
-    undecided.ravel()[found.place[slow]] += found.count[slow]
-    found = found[np.flatnonzero(~slow)]
     found = found[np.lexsort((found.point[:, 0], found.period, found.kind, found.place))]
-    family = families_of(found, shape)
-    borders = borders_of(found, family, shape)
+    links = links_between(job, values, shape, found)
+    family = families_of(len(found), links)
+    borders = borders_of(found, links, family, shape)
     names = (first, second)
     label = "bifurcation curves" if progress else None
     lines, explained = curves_at(exact, names, (across, up), found, borders, most, label)

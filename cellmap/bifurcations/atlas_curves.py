@@ -19,7 +19,7 @@ from .orbit_continuation import continue_orbit
 
 _CLOSE = 1.5  # cells between a curve and a border that it explains
 _BEYOND = 4  # cells beyond a border up to which an orbit is followed
-_TRIES = 3  # borders of one family from which no curve is found, after which its others are left
+_TRIES = 3  # borders of one family in turn from which no curve is found, after which its others are left
 _STEP = 0.02  # of curves, as a fraction of the window
 _SAME = 1e-3  # distance, relative to the orbit, within which half of its period brings it back
 _SMALLEST = 4  # parameter points of a family whose borders are looked at
@@ -27,7 +27,7 @@ _SMALLEST = 4  # parameter points of a family whose borders are looked at
 
 @dataclass(frozen=True, eq=False)
 class Borders:
-    """Borders of families: pairs of neighbouring parameter points, of which the first has the family.
+    """Borders of families: parameter points, and neighbours of theirs at which an attractor does not go on.
 
     ``row`` (n,) is the attractor, ``family`` (n,) its family, ``axis`` (n,) the parameter that changes and ``side``
     (n,) the sign of the change; ``middle`` (n, 2) the point between, in units of the grid.
@@ -40,22 +40,24 @@ class Borders:
     middle: Floats
 
 
-def borders_of(attractors: Attractors, family: Ints, shape: tuple[int, int]) -> Borders:
-    """Return the borders of families of periodic orbits within the grid."""
+def borders_of(attractors: Attractors, links: tuple[Ints, Ints], family: Ints, shape: tuple[int, int]) -> Borders:
+    """Return the borders of families of periodic orbits within the grid.
+
+    A border is where an attractor is linked to none of a neighbouring point: around a cusp both attractors between
+    the folds belong to one family, and which families are present says nothing.
+    """
     ny, nx = shape
     periodic = attractors.period > 0
     periodic &= np.bincount(family, minlength=1)[family] >= _SMALLEST
-    keys = np.unique(family * (ny * nx) + attractors.place)
+    place = np.stack([attractors.place % nx, attractors.place // nx], axis=-1)
     parts = []
     for axis, side in ((0, -1), (0, 1), (1, -1), (1, 1)):
-        place = np.stack([attractors.place % nx, attractors.place // nx], axis=-1)
-        there = place.copy()
-        there[:, axis] += side
-        inside = (there[:, axis] >= 0) & (there[:, axis] < (nx, ny)[axis])
-        other = family * (ny * nx) + there[:, 1] * nx + there[:, 0]
-        rows = np.flatnonzero(periodic & inside & ~np.isin(other, keys))
+        last = (0, (nx, ny)[axis] - 1)[side > 0]
+        goes_on = np.zeros(len(attractors), bool)
+        goes_on[links[axis][(1, 0)[side > 0]]] = True
+        rows = np.flatnonzero(periodic & (place[:, axis] != last) & ~goes_on)
         ones = np.ones(len(rows), np.int64)
-        parts.append((rows, family[rows], axis * ones, side * ones, 0.5 * (place[rows] + there[rows])))
+        parts.append((rows, family[rows], axis * ones, side * ones, place[rows] + 0.5 * side * (np.arange(2) == axis)))
     return Borders(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
@@ -86,6 +88,7 @@ def curves_at(
                 curves.append(curve)
                 tick(int(np.count_nonzero(close & ~explained)))
                 explained |= close
+                misses[family] = 0
             else:
                 misses[family] = misses.get(family, 0) + 1
                 if misses[family] == _TRIES:
@@ -118,9 +121,10 @@ def _curve(
         branch, at = _of_parent(branch, at)
         other = axes[1 - axis]
         first, second = ((float(a[0]), float(a[-1])) for a in (along, other))
-        return continue_bifurcation(branch, at, names[1 - axis], first, second, step=_STEP, max_points=400)
+        curve = continue_bifurcation(branch, at, names[1 - axis], first, second, step=_STEP, max_points=400)
     except ValueError:
         return None
+    return curve if len(curve.values) > 1 else None  # a pitchfork at one point of the plane is the cusp of two folds
 
 
 def _branch(

@@ -1,4 +1,4 @@
-"""Attractors of an atlas, and their families: those of neighbouring parameter points that continue each other."""
+"""Attractors of an atlas, a table of them by parameter point, and their families."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from .._lib.arrays import Floats, Ints
 
-_APART = 0.3  # distance of means over orbits, in extents or radians, within which neighbours continue each other
-
 
 class AtlasKind(IntEnum):
     """Kinds of attractors in an atlas."""
@@ -21,7 +19,7 @@ class AtlasKind(IntEnum):
     ROTATING = 1
     """Periodic up to full rotations of an angle."""
     QUASIPERIODIC = 2
-    """Orbits that stay bounded, do not close, and have a largest Lyapunov exponent of zero within 0.01 per period."""
+    """Orbits with a largest Lyapunov exponent of zero within 0.01 per period, which are seen to stay on a torus."""
     CHAOTIC = 3
     """Orbits with a positive Lyapunov exponent; all of one parameter point are counted as one attractor."""
 
@@ -86,7 +84,7 @@ class Directory:
         order = np.argsort(keys, kind="stable")
         return cls(attractors.place, species, attractors.centre, order, keys[order], width)
 
-    def nearest(self, species: Ints, centre: Floats, places: Ints, within: float = _APART) -> Ints:
+    def nearest(self, species: Ints, centre: Floats, places: Ints, within: float) -> Ints:
         """Return the nearest attractors of some species at places, to means (n, 2 d); -1 where there is none near."""
         best, found = np.full(len(species), within), np.full(len(species), -1)
         rows = np.arange(len(species) if len(self.keys) else 0)
@@ -103,30 +101,17 @@ class Directory:
         return found
 
 
-def families_of(attractors: Attractors, shape: tuple[int, int]) -> Ints:
-    """Return the number of the family of each attractor, the family at most parameter points first.
+def families_of(n: int, links: tuple[Ints, Ints]) -> Ints:
+    """Return the number of the family of each of n attractors, the family at most parameter points first.
 
-    Attractors of neighbouring points of the grid belong to one family if they have kind, period and full rotations in
-    common, and each is the nearest such neighbour of the other.
+    Those that continue each other, from point to point, belong to one family.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    n = len(attractors)
-    if not n:
-        return np.empty(0, np.int64)
-    directory = Directory.of(attractors)
-    column = attractors.place % shape[1]
-    ends = []
-    for step, inside in ((1, column < shape[1] - 1), (shape[1], attractors.place < (shape[0] - 1) * shape[1])):
-        rows = np.flatnonzero(inside)
-        there = directory.nearest(directory.species[rows], attractors.centre[rows], attractors.place[rows] + step)
-        rows, there = rows[there >= 0], there[there >= 0]
-        back = directory.nearest(directory.species[there], attractors.centre[there], attractors.place[rows])
-        ends.append(np.stack([rows, there])[:, back == rows])
-    first, second = np.concatenate(ends, axis=1)
-    links = coo_array((np.ones(len(first), bool), (first, second)), shape=(n, n))
-    number = connected_components(links, directed=False)[1]
+    first, second = np.concatenate(links, axis=1)
+    pairs = coo_array((np.ones(len(first), bool), (first, second)), shape=(n, n))
+    number = connected_components(pairs, directed=False)[1]
     size = np.bincount(number)
     begin = np.full(len(size), n)
     np.minimum.at(begin, number, np.arange(n))

@@ -90,8 +90,9 @@ class AttractorAtlas(ConvertsToXarray, ConvertsToDataFrame):
         Bifurcation curves through the borders of families.
     explained : float
         Fraction of the borders of families of periodic orbits that lie on these curves, within 1.5 cells; NaN where
-        there are no borders.  Other borders are those of basins too small to be hit, of crises, or of families that
-        were not followed.
+        there are no borders.  A border is where an attractor of a family at 4 parameter points or more has no
+        continuation at a neighbouring point.  Other borders are those of basins too small to be hit, of crises, or of
+        families that were not followed.
     coordinates : tuple of Coordinate
         State variables.
     params : mapping of str to float

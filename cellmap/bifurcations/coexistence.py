@@ -8,11 +8,12 @@ import numpy as np
 
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.stopping import check_stop
-from .._lib.threads import progress_bar, run_over, slices
+from ..maps.compiled_advance import recorded
 from ..maps.coordinates import turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..orbits.ellipsoids import Regions, monodromy_of, regions_around
+from ..orbits.invariant_circle import bump, signals_of
 from ..orbits.lyapunov_qr import exponents_along
 from ..orbits.newton import followed, least_periods, newton, return_distances
 from .atlas_families import AtlasKind, Attractors, Directory
@@ -22,19 +23,20 @@ _AHEAD = 48  # by so many periods
 _FIRST_LOOKS = (16, 32)  # periods before attractors are searched for, by those ahead and by the others,
 _RARER = 1.25  # and factor of age between searches, at least
 _STRIDES = (4, 3, 4)  # periods in turn between tests of convergence, so that cycles are met at all of their phases
-_SAME_MEAN = 1e-4  # distance of means over orbits, in extents or radians, within which two attractors are one
+SAME_MEAN = 1e-4  # distance of means over orbits, in extents or radians, within which two attractors are one
 
 _NEAR = 0.05  # distance from its image, in extents, from which a point is refined,
 _REACH = 0.25  # and to which, at most
 _ALIKE = 0.1  # part by which a longer period has to close an orbit better to be tried in place of a shorter one
 _SAME = 1e-6  # distance, in extents, within which points are equal
 _STABLE = 1.0 - 1e-6
-_LED = 0.3  # distance of means over orbits within which an attractor leads to its neighbour
+_PARTS = 4  # of the way to a neighbouring parameter point, in which an attractor is followed
 _EXPONENT_PERIODS = 200
 _ZERO = 0.01  # size of an exponent per period that counts as zero
-_SLICE = 256
-_KNOWN = 0.1  # distance of means over orbits, in extents or radians, within which a neighbour needs no search
-_WEAK = -0.02  # exponent per step from which orbits that approach a periodic attractor look quasi-periodic
+_RETURNS = 64  # steps up to which orbits are compared with themselves later on
+# Part by which a mean square distance may change from one stretch of an orbit on a torus to the next: that of an orbit
+# beside a degenerate pitchfork, which shrinks with the fourth root of its age, changes by 0.18.
+_STEADY = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,15 +53,21 @@ class Explorer:
         """Return attractors at parameter points (n, 2), and the numbers (n,) of escaped and undecided orbits."""
         return _Search(self, values).run()
 
-    def continued(self, attractors: Attractors, values: Floats, place: Ints) -> tuple[Attractors, Ints]:
-        """Return the periodic attractors to which others lead at parameter points, and the rows of these."""
-        states = np.column_stack([attractors.point, values[place]])
-        found, rows = periodic_attractors(self, states, place, attractors.period)[:2]
-        source = attractors[rows]
-        same = (found.period == source.period) & (found.rotations == source.rotations).all(axis=-1)
-        near = np.abs(found.centre - source.centre).max(axis=-1, initial=0.0) <= _LED
-        kept = np.flatnonzero(same & near)
-        return found[kept], rows[kept]
+    def continued(self, attractors: Attractors, start: Floats, end: Floats, place: Ints) -> tuple[Attractors, Ints]:
+        """Return the periodic attractors at parameter points (n, 2) to which others lead, and the rows of these.
+
+        They are followed in parts of the way from where they are, so that one that moves far is not lost.
+        """
+        points, rows = attractors.point, np.arange(len(attractors))
+        for part in np.arange(1, _PARTS) / _PARTS:
+            states = np.column_stack([points, start[rows] + part * (end - start)[rows]])
+            solved, good = newton(self.swept, states, attractors.period[rows], self.extent, _REACH, attracting=True)
+            points, rows = solved[good, : len(self.extent)], rows[good]
+        states = np.column_stack([points, end[rows]])
+        found, kept = periodic_attractors(self, states, place[rows], attractors.period[rows])[:2]
+        rows = rows[kept]
+        same = (found.period == attractors.period[rows]) & (found.rotations == attractors.rotations[rows]).all(axis=-1)
+        return found[np.flatnonzero(same)], rows[same]
 
 
 @dataclass(eq=False)
@@ -172,10 +180,13 @@ class _Search:
         """Return which attractors have been found before, perhaps from another of their points."""
         species = np.concatenate([self.found.period, fresh.period])
         known = Directory.of(self.found, species[: len(self.found)], int(species.max(initial=0)) + 1)
-        return known.nearest(fresh.period, fresh.centre, fresh.place, _SAME_MEAN) >= 0
+        return known.nearest(fresh.period, fresh.centre, fresh.place, SAME_MEAN) >= 0
 
     def _rest(self) -> Ints:
-        """Classify the orbits that never converged, by the largest exponent of one at each parameter point."""
+        """Classify the orbits that never converged, by the largest exponent of one at each parameter point.
+
+        One whose exponent is zero is quasi-periodic only if it is seen to stay on a torus.
+        """
         undecided = np.bincount(self.place, minlength=len(self.values))
         first = np.flatnonzero(np.diff(self.place, prepend=-1))
         places, d = self.place[first], self.dimension
@@ -186,6 +197,7 @@ class _Search:
         with np.errstate(invalid="ignore"):
             chaotic = largest > np.maximum(_ZERO, 5.0 * error)
             neutral = np.abs(largest) <= _ZERO
+        neutral[neutral] = self._stays_on_torus(orbit[neutral, -1])
         rows = np.flatnonzero(chaotic | neutral)
         kind = np.where(chaotic, AtlasKind.CHAOTIC, AtlasKind.QUASIPERIODIC).astype(np.int8)
         no_rotations = np.zeros((len(rows), d), np.int64)
@@ -202,6 +214,27 @@ class _Search:
         undecided[places[rows]] = 0
         self.found = Attractors.joined(self.found, rest)
         return undecided
+
+    def _stays_on_torus(self, states: Floats) -> Bools:
+        """Tell which orbits from states (n, d + 2), whose exponent is zero, move on a torus, and not towards an orbit.
+
+        On a torus the mean square distance between an orbit and itself some steps later, by weighted averages over as
+        many periods as orbits have lasted, is the same in the next as many (Das, Saiki, Sander, Yorke 2017).  Beside an
+        orbit to which it comes slowly, that after its period shrinks.  A line has no torus.
+        """
+        swept, d, n = self.job.swept, self.dimension, self.job.max_periods
+        angles = turns_of(swept.coordinates)[1][:d] > 0.0
+        if not len(states) or (d == 1 and not angles.any()):
+            return np.zeros(len(states), bool)
+        orbits = Orbits.starting(states.copy())
+        history = np.concatenate([points for points, *_ in recorded(swept.advance, orbits, 2 * n + _RETURNS)])
+        signals = signals_of(history[..., :d], swept.coordinates[:d]) / np.where(angles, 1.0, self.job.extent)
+        weights, steady = bump(n), orbits.alive.copy()
+        for q in range(1, _RETURNS + 1):
+            apart = (np.abs(signals[q : 2 * n + q] - signals[: 2 * n]) ** 2).sum(axis=-1).reshape(2, n, -1)
+            first, second = np.einsum("k,skr->sr", weights, apart)
+            steady &= (np.abs(second - first) <= _STEADY * np.maximum(first, second)) & (second > _SAME**2)
+        return steady
 
 
 def periodic_attractors(
@@ -233,61 +266,3 @@ def _centres(job: Explorer, orbit: Floats, period: Ints) -> Floats:
     both = np.concatenate([first, np.where(turn > 0.0, np.sin(phase), 0.0)], axis=-1)
     members = (np.arange(orbit.shape[1]) < period[:, None])[..., None]
     return np.asarray(np.where(members, both, 0.0).sum(axis=1) / period[:, None])
-
-
-def spread(
-    job: Explorer, values: Floats, shape: tuple[int, int], found: Attractors, progress: str | None
-) -> Attractors:
-    """Return the attractors with those, counted 0 times, to which periodic ones of neighbouring points lead.
-
-    ``values`` (ny * nx, 2) are the parameters.  From where an attractor is known, Newton's method looks for it at the
-    neighbours where nothing like it is known; what it finds there leads further.
-    """
-    front, kinds = np.flatnonzero(found.period > 0), Directory.of(found).species
-    with progress_bar(sum(shape), progress) as tick:
-        while len(front):
-            check_stop()
-            directory = Directory.of(found, kinds)
-            source, there = _neighbours(found, directory, front, shape)
-            parts: dict[int, tuple[Attractors, Ints]] = {}
-
-            def work(part: slice) -> None:
-                parts[part.start] = job.continued(found[source[part]], values, there[part])  # noqa: B023
-
-            run_over(slices(len(there), _SLICE), work)
-            new = [(attractors, source[begin + rows]) for begin, (attractors, rows) in sorted(parts.items())]
-            front = np.empty(0, np.int64)
-            if new:
-                fresh = Attractors.joined(*(attractors for attractors, _ in new))
-                species = directory.species[np.concatenate([rows for _, rows in new])]
-                columns = np.column_stack([fresh.place, species, np.round(fresh.centre / _SAME_MEAN)])
-                once = np.unique(columns, axis=0, return_index=True)[1]
-                fresh, species = fresh[once], species[once]
-                kept = np.flatnonzero(directory.nearest(species, fresh.centre, fresh.place, _SAME_MEAN) < 0)
-                fresh, kinds = fresh[kept], np.concatenate([kinds, species[kept]])
-                front = np.arange(len(found), len(found) + len(fresh))
-                found = Attractors.joined(found, fresh)
-            tick(1)
-    return found
-
-
-def _neighbours(found: Attractors, directory: Directory, front: Ints, shape: tuple[int, int]) -> tuple[Ints, Ints]:
-    """Return attractors of a front, and neighbours of their parameter points where none like them is known."""
-    ny, nx = shape
-    row, column = found.place[front] // nx, found.place[front] % nx
-    sources, places = [], []
-    for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
-        inside = (row + down >= 0) & (row + down < ny) & (column + right >= 0) & (column + right < nx)
-        sources.append(front[inside])
-        places.append(found.place[front[inside]] + down * nx + right)
-    source, there = np.concatenate(sources), np.concatenate(places)
-    new = directory.nearest(directory.species[source], found.centre[source], there, _KNOWN) < 0
-    return source[new], there[new]
-
-
-def slow_ones(found: Attractors) -> Bools:
-    """Return the rows counted as quasi-periodic whose orbits may approach a periodic attractor slowly."""
-    with np.errstate(divide="ignore"):
-        exponent = np.log(found.modulus) / np.maximum(found.period, 1)
-    weak = (found.period > 0) & (exponent > _WEAK)
-    return (found.kind == AtlasKind.QUASIPERIODIC) & np.isin(found.place, found.place[weak])

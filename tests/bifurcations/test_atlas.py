@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import cos, pi, sin
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from cellmap import PointMap, discrete_map, find_basins, set_threads, stroboscopic_map
-from cellmap.bifurcations import AtlasKind, AttractorAtlas, BifurcationKind, attractor_atlas
+from cellmap import ForcedSystem, PointMap, angle, discrete_map, find_basins, set_threads, stroboscopic_map
+from cellmap.bifurcations import AtlasKind, AttractorAtlas, BifurcationKind, OrbitFunction, attractor_atlas
 from cellmap.bifurcations.coexistence import Explorer
 from cellmap.maps import swept_map
 from cellmap.maps.tangent import tangent
@@ -103,6 +103,95 @@ def test_a_neimark_sacker_border() -> None:
     quasi = atlas.kind == AtlasKind.QUASIPERIODIC
     assert quasi.any()
     assert (atlas.x[atlas.columns[quasi]] > 2.0).all()
+
+
+def cubic_map() -> PointMap:
+    return discrete_map(lambda x, p: (x[0] + p.q * x[0] - x[0] ** 3 + p.e,), {"q": 0.3, "e": 0.0}, ("x",), "cubic")
+
+
+@pytest.mark.parametrize("e", [np.linspace(-0.2, 0.2, 9), np.linspace(-0.19, 0.21, 10)])
+def test_folds_around_a_cusp(e: np.ndarray) -> None:
+    """Both sheets are one family, with folds at 27 e^2 = 4 q^3; one grid has a line on e = 0, the other one none."""
+    axes = ("q", np.linspace(-0.2, 0.6, 13)), ("e", e)
+    atlas = attractor_atlas(cubic_map(), *axes, np.linspace(-1.2, 1.2, 8)[:, None])
+    (folds,) = atlas.curves
+    assert folds.kind is BifurcationKind.FOLD
+    q, up = (folds.values[:, folds.parameters.index(name)] for name in ("q", "e"))
+    np.testing.assert_allclose(27.0 * up**2, 4.0 * q**3, atol=1e-10)
+    assert min(up) < -0.17
+    assert max(up) > 0.17
+    (cusp,) = folds.codimension_two()
+    np.testing.assert_allclose(cusp.values, 0.0, atol=1e-6)
+    assert atlas.explained == 1.0
+
+
+def crossings(atlas: AttractorAtlas, name: str, value: float, other: str) -> list[float]:
+    """Return the values of one parameter where the curves have a value of the other one."""
+    line = {"at": OrbitFunction(lambda t, x, p: getattr(p, name), None, value=value)}
+    return sorted(z.orbit.params[other] for c in atlas.curves for z in c.with_zeros(line).zeros)
+
+
+def resonance() -> PointMap:
+    def rhs(t: float, x: Any, p: Any) -> Any:
+        return x[1], p.f * cos(p.w * t) - 0.1 * x[1] - x[0] - x[0] ** 3
+
+    system = ForcedSystem(rhs, {"w": 1.5, "f": 0.3}, lambda p: 2 * pi / p.w, ("x", "v"))
+    return stroboscopic_map(system, rtol=1e-8, atol=1e-8)
+
+
+def two_wells() -> PointMap:
+    def rhs(t: float, x: Any, p: Any) -> Any:
+        return x[1], x[0] - x[0] ** 3 - 0.25 * x[1] + p.g * cos(p.w * t)
+
+    system = ForcedSystem(rhs, {"w": 1.0, "g": 0.2}, lambda p: 2 * pi / p.w, ("x", "v"))
+    return stroboscopic_map(system, rtol=1e-8, atol=1e-8)
+
+
+def grid(x: float, v: float) -> np.ndarray:
+    return np.stack(np.meshgrid(np.linspace(-x, x, 4), np.linspace(-v, v, 4)), axis=-1).reshape(-1, 2)
+
+
+def test_folds_of_a_resonance_and_its_cusp() -> None:
+    """The plane begins below the cusp; folds at f = 0.3 by AUTO-07p."""
+    axes = ("w", np.linspace(1.0, 2.2, 11)), ("f", np.linspace(0.02, 0.5, 7))
+    atlas = attractor_atlas(resonance(), *axes, grid(2.0, 3.0))
+    assert [f.size for f in atlas.families] == [atlas.number.sum()]
+    np.testing.assert_allclose(crossings(atlas, "f", 0.3, "w"), [1.3242362008, 1.7797195243], atol=1e-8)
+    assert atlas.explained == 1.0
+
+
+def test_two_folds_and_a_flip_between_two_wells() -> None:
+    """The small and the large orbit in a well are families of their own; bifurcations at w = 1 by AUTO-07p."""
+    axes = ("w", np.linspace(0.9, 1.1, 6)), ("g", np.linspace(0.1, 0.3, 11))
+    atlas = attractor_atlas(two_wells(), *axes, grid(1.5, 1.0))
+    found = crossings(atlas, "w", 1.0, "g")
+    np.testing.assert_allclose(found, [0.15980208604, 0.18174237955, 0.26497948248], atol=1e-8)
+    sizes = [f.size for f in atlas.families if f.period == 1]
+    assert sizes[:4] == [sizes[0], sizes[0], 7, 7]
+    assert atlas.explained == 1.0
+
+
+def test_slow_convergence_is_undecided() -> None:
+    """At r = 1 and 2 the map r x - x^3 has a pitchfork and a flip; at (2.1, 0.1) the exponent of period 4 is -0.005."""
+    cubic = discrete_map(lambda x, p: (p.r * x[0] - x[0] ** 3 + p.e,), {"r": 1.5, "e": 0.0}, ("x",))
+    atlas = attractor_atlas(cubic, ("r", [1.0, 2.0, 2.1]), ("e", [0.0, 0.1]), np.linspace(-1.2, 1.2, 16)[:, None])
+    assert not (atlas.kind == AtlasKind.QUASIPERIODIC).any()
+    assert atlas.undecided[0].tolist()[:2] == [16, 16]
+    assert atlas.undecided[1, 2] > 0
+    # In the plane, exactly at both flips of the Henon map.
+    flips = [0.75 * 0.7**2, 0.7**2 + 0.25 * 1.3**2]
+    atlas = attractor_atlas(henon_map(0.2, 0.3), ("a", flips), ("b", [0.3, 0.31]), [[0.0, 0.0], [0.3, 0.1]])
+    assert not (atlas.kind == AtlasKind.QUASIPERIODIC).any()
+    assert atlas.undecided[0].tolist() == [2, 2]
+
+
+def test_a_circle_of_one_dimension() -> None:
+    """Without coupling a rotation by 2 radians is quasi-periodic; with it, one by pi is locked."""
+    circle = discrete_map(lambda x, p: (x[0] + p.o - p.k * sin(x[0]),), {"o": 1.0, "k": 0.5}, (angle("q"),))
+    atlas = attractor_atlas(circle, ("o", [2.0, pi]), ("k", [0.0, 0.8]), [[0.1], [2.0]], curves=0)
+    kinds = dict(zip(zip(atlas.rows.tolist(), atlas.columns.tolist(), strict=True), atlas.kind.tolist(), strict=True))
+    assert kinds[0, 0] == AtlasKind.QUASIPERIODIC
+    assert kinds[1, 1] == AtlasKind.ROTATING
 
 
 @pytest.fixture(scope="module")
