@@ -17,8 +17,8 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
-from .._lib.files import written_whole
-from .._lib.systems import READING, is_private
+from .._lib.files import opened_file, written_whole
+from .._lib.systems import is_private
 
 LIMIT = 256 * 2**20
 """Bytes of all entries together; the least recently used go first."""
@@ -73,14 +73,17 @@ class ObjectCache:
             return None
         path = self._path(key)
         try:
-            content = _content(path)
+            with opened_file(path) as stream:
+                # An entry is read once it begins as one, and none is longer than all of them may be together.
+                begins = stream.read(len(_beginning(key))) == _beginning(key)
+                rest = stream.read() if begins and os.fstat(stream.fileno()).st_size <= self.limit else b""
         except FileNotFoundError:
             return None
         except OSError as error:
-            _warn(path, f"cannot be read ({error.strerror})")
+            _warn(path, f"cannot be read ({error.strerror or 'it is no file'})")
             return None
-        head, code = content[: len(_header(key, b""))], content[len(_header(key, b"")) :]
-        if head != _header(key, code):
+        checksum, _, code = rest.partition(b"\n")
+        if checksum != _checksum(key, code):
             _warn(path, "is damaged or foreign")
             with contextlib.suppress(OSError):
                 path.unlink()
@@ -95,7 +98,7 @@ class ObjectCache:
             return
         with contextlib.suppress(OSError):
             with written_whole(self._path(key), durable=False) as temporary:
-                temporary.write_bytes(_header(key, code) + code)
+                temporary.write_bytes(_beginning(key) + _checksum(key, code) + b"\n" + code)
             _room[self] = _room.get(self, 0) - len(code)
             if _room[self] < 0:
                 _room[self] = min(self.limit // 16, self.limit - self._drop_old_entries())
@@ -110,8 +113,9 @@ class ObjectCache:
         entries = []
         for path in self.folder.glob(f"*{_ENDING}"):
             with contextlib.suppress(OSError):  # another process may have dropped it
-                entry = path.stat()
-                entries.append((entry.st_mtime, entry.st_size, path))
+                entry = path.lstat()
+                if stat.S_ISREG(entry.st_mode):
+                    entries.append((entry.st_mtime, entry.st_size, path))
         total = sum(size for _, size, _ in entries)
         for _, size, path in sorted(entries):
             if total <= self.limit:
@@ -122,16 +126,13 @@ class ObjectCache:
         return total
 
 
-def _header(key: str, code: bytes) -> bytes:
-    """Return what stands before the code: the key in full, and a checksum."""
-    return _MAGIC + f"{key}\n{hashlib.sha256(key.encode() + code).hexdigest()}\n".encode()
+def _beginning(key: str) -> bytes:
+    return _MAGIC + f"{key}\n".encode()
 
 
-def _content(path: Path) -> bytes:
-    # Not to wait for a pipe's writer; what is no file is a foreign entry, whose place the next one takes.
-    handle = os.open(path, READING)
-    with os.fdopen(handle, "rb") as stream:
-        return stream.read() if stat.S_ISREG(os.fstat(handle).st_mode) else b""
+def _checksum(key: str, code: bytes) -> bytes:
+    """Return what stands on a line between the beginning and the code."""
+    return hashlib.sha256(key.encode() + code).hexdigest().encode()
 
 
 def _warn(path: Path, what: str) -> None:

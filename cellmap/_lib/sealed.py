@@ -8,12 +8,10 @@ plain groups, arrays of numbers in the file itself, and attributes of fixed leng
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import json
 import os
 import secrets
-import stat
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,10 +21,9 @@ import h5py
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from .checks import in_bytes
-from .files import StoreError
+from .files import StoreError, opened_file, told_of_full_disk
 from .signatures import RENAMED
-from .systems import READING, take_room
+from .systems import take_room
 
 
 class UnsealedError(StoreError):
@@ -80,7 +77,7 @@ def image_of(write: Callable[[h5py.File], None]) -> bytes:
 def write_sealed(path: Path, write: Callable[[h5py.File], None]) -> None:
     """Make a file that `write` fills, by way of memory."""
     content = image_of(write)
-    with _told(path, ROOM + len(content)):
+    with told_of_full_disk(path, ROOM + len(content)):
         path.write_bytes(bytes(ROOM) + content)
         seal(path)
 
@@ -91,21 +88,8 @@ def reserve(path: Path, more: int = 0) -> None:
     These are HDF5's library and maps into memory.
     """
     size = path.stat().st_size + more
-    with _told(path, size), path.open("r+b") as stream:
+    with told_of_full_disk(path, size), path.open("r+b") as stream:
         take_room(stream.fileno(), size)
-
-
-@contextmanager
-def _told(path: Path, size: int) -> Iterator[None]:
-    """Say of what has no room how much that would be."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno not in (errno.EFBIG, errno.ENOSPC, errno.EDQUOT):
-            raise
-        remedy = "raise the limit of file sizes (ulimit -f)" if error.errno == errno.EFBIG else "free some"
-        text = f"{os.strerror(error.errno)}: {in_bytes(size)} are needed; {remedy}, or choose another folder"
-        raise OSError(error.errno, text, str(path)) from error
 
 
 @contextmanager
@@ -214,11 +198,7 @@ def rows_of(item: h5py.Dataset) -> Iterator[Any]:
 
 
 def _verify(path: Path, unverified: bool) -> None:
-    # Not to wait for a pipe's writer.
-    handle = os.open(path, READING)
-    with os.fdopen(handle, "rb") as stream:
-        if not stat.S_ISREG(os.fstat(handle).st_mode):
-            raise ValueError("it is not a file but a device or a pipe")
+    with opened_file(path) as stream:
         if unverified:
             return
         block = stream.read(ROOM)
@@ -231,10 +211,11 @@ def _verify(path: Path, unverified: bool) -> None:
         expected = _MAGIC + json.dumps({"bytes": size, "holes": holes, "sha256": found["sha256"]}).encode()
         if block != expected.ljust(ROOM, b"\0"):
             raise ValueError("its checksum is not written as cellmap writes it")
+        there = os.fstat(stream.fileno()).st_size
         changed = f"{str(path)!r} is damaged, or another program has changed it: "
-        if size > os.fstat(handle).st_size:
+        if size > there:
             raise ValueError(f"it had {size:,} bytes")
-        if size < os.fstat(handle).st_size:
+        if size < there:
             raise ChangedError(f"{changed}it had {size:,} bytes")
         if found["sha256"] != _checksum(stream, size, holes):
             raise ChangedError(f"{changed}its contents are not those that were written")

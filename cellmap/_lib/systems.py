@@ -27,7 +27,7 @@ _PIECE = 2**20  # bytes of zeros that are written at once
 READING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 """How `os.open` opens a file to be read: bytes as they are, and not to wait for the writer of a pipe."""
 
-_LOCKING = os.O_CREAT | os.O_RDWR | getattr(os, "O_CLOEXEC", 0)
+_LOCKING = os.O_CREAT | os.O_RDWR | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0)
 
 
 class Locked(Exception):

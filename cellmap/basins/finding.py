@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._lib.arrays import Floats, evenly
 from .._lib.checks import finite_number, whole_number
-from .._lib.files import as_target, locked
+from .._lib.files import as_checkpoint, locked
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
 from .._lib.tiles import check_client
@@ -44,7 +44,7 @@ def labelled(
     check_client(client)
     places = InitialConditions.of(points, point_map)
     settings = {"max_periods": max_periods, "longest_period": 0, "map": dict(point_map.recipe)}
-    path = None if checkpoint is None else as_target("checkpoint", checkpoint)
+    path = as_checkpoint(checkpoint)
     with locked(path):
         store = label_store(point_map, places, settings, attractors, path)
         if (found := store.finished()) is None:
@@ -170,7 +170,7 @@ def find_basins(
             return find_basins(used, initial_conditions, *limits, known, progress, client, None, max_seconds)
 
         return audited_basins(find, point_map, places, label_rtol, settings, attractors)
-    path = None if checkpoint is None else as_target("checkpoint", checkpoint)
+    path = as_checkpoint(checkpoint)
     with locked(path):
         store = label_store(point_map, places, settings, attractors, path)
         if (finished := store.finished()) is not None:

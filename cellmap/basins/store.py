@@ -73,7 +73,8 @@ Read = TypeVar("Read")
 def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[str]) -> Path:
     """Write basins to an HDF5 file.
 
-    The file is written atomically: under a temporary name in the same folder, and then renamed.
+    The file is written atomically: under a temporary name in the same folder, and then renamed.  Links are followed to
+    the file that they lead to; one that is there is replaced and keeps its permissions.
 
     Parameters
     ----------
@@ -81,7 +82,8 @@ def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[s
         Basins to store, or several under names of their own.  Maps are stored as recipes, without interpolation
         coefficients: :func:`rebuild_map` rebuilds them.
     path : path-like
-        Name of the file, such as ``"basins.h5"``; a file of that name is replaced, whatever it holds.
+        Name of the file, such as ``"basins.h5"``; a file of that name is replaced, whatever it holds, and what is
+        no file, such as a pipe or a device, is refused.
 
     Returns
     -------
@@ -90,8 +92,8 @@ def save_basins(basins: Basins | Mapping[str, Basins], path: str | os.PathLike[s
 
     Raises
     ------
-    FileNotFoundError
-        For a folder that does not exist.
+    FileNotFoundError, OSError
+        For a folder that does not exist, and a place where no file can be made.
     ValueError
         For an empty mapping, or a name that is empty or contains a slash.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike
 from .._lib.arrays import Floats, Ints
 from .._lib.checkpoint import check_belongs, plain
 from .._lib.checks import claim_memory, known_parameter, monotone_values, shown, whole_number
-from .._lib.files import StoreError, as_path, written_whole
+from .._lib.files import StoreError, as_path, opened_file, write_whole, written_whole
 from .._lib.records import Keyed
 from .._lib.signatures import checked
 from .._lib.tiles import check_client, completed
@@ -239,21 +240,26 @@ class _Tiles:
     @classmethod
     def of(cls, folder: Path, belongs: Mapping[str, Any]) -> _Tiles:
         """Open or make a folder; one of another run is refused, by what differs."""
-        if folder.exists() and not folder.is_dir():
-            raise NotADirectoryError(f"checkpoint={str(folder)!r} is a file: give the name of a folder")
-        folder.mkdir(parents=True, exist_ok=True)
+        if os.path.lexists(folder) and not folder.is_dir():
+            raise NotADirectoryError(f"checkpoint={str(folder)!r} is no folder: give the name of one")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise type(error)(
+                f"checkpoint={str(folder)!r}: the folder cannot be made ({error.strerror}); give another one"
+            ) from None
         settings = folder / "atlas.json"
         if settings.exists():
             try:
-                theirs = json.loads(settings.read_text(encoding="utf-8"))
+                with opened_file(settings) as stream:
+                    theirs = json.loads(stream.read())
             except (ValueError, OSError) as error:
                 raise StoreError(f"checkpoint={str(folder)!r} holds a damaged atlas.json: delete the folder") from error
             check_belongs(folder, theirs, belongs)
         else:
             if any(folder.iterdir()):
                 raise StoreError(f"checkpoint={str(folder)!r} is a folder with other files: give a new one")
-            with written_whole(settings) as temporary:
-                temporary.write_text(json.dumps(plain(belongs)), encoding="utf-8")
+            write_whole(settings, json.dumps(plain(belongs)).encode())
         return cls(folder)
 
     def remembering(self, work: Callable[[int], _Result]) -> Callable[[int], _Result]:
@@ -280,7 +286,7 @@ class _Tiles:
     def _read(self, number: int) -> _Result | None:
         """Return a tile; None where it is not there, or damaged."""
         try:
-            with np.load(self._place(number)) as file:
+            with opened_file(self._place(number)) as stream, np.load(stream) as file:
                 attractors = Attractors(*(file[f.name] for f in fields(Attractors)))
                 return attractors, file["escaped"], file["undecided"]
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):

@@ -13,7 +13,7 @@ import numpy as np
 
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import is_sequence, shown
-from .._lib.files import as_target, written_whole
+from .._lib.files import as_target, write_whole
 from .._lib.signatures import checked
 from ..bifurcations.bifurcation_curve import BifurcationCurve
 from ..bifurcations.branch import Bifurcation, Branch
@@ -102,6 +102,7 @@ def save_auto(
     >>> [line[:38] for line in lines if line[10:14] == "   7"]
     ['   1   -12   7    2   3.0000000000E+00']
     """
+    target = as_target("path", path)
     given: tuple[Any, ...] = tuple(result) if is_sequence(result) else (result,)  # type: ignore[arg-type]
     if not given or not all(isinstance(item, Branch | BifurcationCurve | TangencyCurve) for item in given):
         raise TypeError(f"result={shown(result)}: give a Branch, a BifurcationCurve, a TangencyCurve, or several")
@@ -114,9 +115,7 @@ def save_auto(
             point = (k % _LARGEST + 1) * (-1 if rows.stable[k] else 1)
             start = f"{number:4d}{point:6d}{rows.types[k]:4d}{label if rows.types[k] else 0:5d}"
             lines.append(start + "".join(f"{value:19.10E}" for value in values))
-    target = as_target("path", path)
-    with written_whole(target) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_whole(target, ("\n".join(lines) + "\n").encode())
     return target
 
 

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from tqdm import tqdm
 
 from .._lib.checks import finite_number, known_parameter, monotone_values
+from .._lib.files import as_target, write_whole
 from .._lib.signatures import checked
 from ..attractors.labels import LABEL_NAMES
 from ..maps.grid import CellGrid
@@ -95,7 +96,7 @@ def export_html(
     Parameters
     ----------
     path : path
-        File to write.
+        File to write, whole or not at all, as :func:`save_basins` does.
     system : ForcedSystem or PointMap
         The system, or a discrete map.
     parameters : mapping of str to array_like, shape (n_values,)
@@ -120,6 +121,8 @@ def export_html(
     ------
     TypeError, ValueError
         For arguments out of range, or an image that is not complete after two minutes.
+    OSError
+        At once for a place where no file can be made; at the end for a full disk, which keeps an older file.
 
     Examples
     --------
@@ -132,6 +135,7 @@ def export_html(
     >>> file.stat().st_size < 100_000
     True
     """
+    target = as_target("path", path)
     explored = replace(explored_from(system, region, nodes), about=about)
     first = View.first(explored)
     if not 1 <= len(parameters) <= 2:
@@ -155,9 +159,8 @@ def export_html(
             raise ValueError("image is not complete after two minutes: take fewer cells, or a looser tolerance")
         facts, _ = basin_image(view, frame)
         stills.append(Still(view, view.raster(frame.identity_image), facts["attractors"]))
-    file = Path(path)
-    file.write_bytes(file_of_family(explored, list(values), stills, title))
-    return file
+    write_whole(target, file_of_family(explored, list(values), stills, title))
+    return target
 
 
 def to_and_fro(view: View, values: Mapping[str, Sequence[float] | NDArray[np.float64]]) -> tuple[View, ...]:

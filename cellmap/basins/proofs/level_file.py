@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from ..._lib.checks import claim_disk
-from ..._lib.files import as_target, locked
+from ..._lib.files import as_checkpoint, locked
 from ...maps.orbit_batch import Tally
 from ..initial_conditions import InitialConditions
 from ..record import Basins
@@ -60,7 +60,7 @@ def levels_kept(
     parameters: Mapping[str, tuple[float, float]],
 ) -> Iterator[Levels]:
     """Open the levels of a run, which are found again under the same arguments alone."""
-    path = None if checkpoint is None else as_target("checkpoint", checkpoint)
+    path = as_checkpoint(checkpoint)
     with locked(path):
         if path is None:
             yield Levels(None)

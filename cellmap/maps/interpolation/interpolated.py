@@ -12,7 +12,7 @@ import numpy as np
 
 from ..._lib.arrays import Floats
 from ..._lib.checks import claim_memory, finite_number, one_of, warn_caller, whole_number
-from ..._lib.files import as_target, locked
+from ..._lib.files import as_checkpoint, locked
 from ..._lib.signatures import checked
 from ..._lib.tiles import check_client
 from ..cell_table import CellTable
@@ -131,7 +131,7 @@ def interpolated_map(
     began = time.perf_counter()
     needed = table_memory(grid, order, max_step)
     claim_memory(f"an interpolation grid of {grid}", needed, "take fewer cells or a lower order")
-    path = None if checkpoint is None else as_target("checkpoint", checkpoint)
+    path = as_checkpoint(checkpoint)
     with locked(path):
         file = None
         if path is not None:

@@ -225,7 +225,7 @@ def _stack(images: Iterable[NDArray[Any]], path: Path, count: int = 0) -> NDArra
 
 
 def _write_folder(imageio: Any, film: Film, folder: Path) -> None:
-    if folder.exists():
+    if os.path.lexists(folder):
         raise FileExistsError(f"path={str(folder)!r} is there already: remove it, or give another name")
     if not folder.parent.is_dir():
         raise FileNotFoundError(f"path={str(folder)!r}: there is no folder {str(folder.parent)!r}; make it first")
