@@ -69,7 +69,7 @@ class BranchTracer:
 
         def visit(step: ContinuationStep, may_refuse: bool) -> End | Literal["refused"] | None:
             nonlocal before, slopes, number
-            after = detector.values_at(step.end)
+            after = detector.values_at(step.end).following(before, step, [])
             events, clear = detector.events(step, before, after)
             # A line through the last two values tells where a function heads.
             held = before.held(after)
@@ -81,7 +81,8 @@ class BranchTracer:
                 return "refused"
             if step.length > 0.0:
                 found.extend(replace(b, place=number) for b in events)
-                before, slopes, number = after, (last - first) / step.length, number + 1
+                before = after.following(before, step, events)
+                slopes, number = (last - first) / step.length, number + 1
             if any(b.kind in self.stop_at and b.after > b.before == 0 for b in events):
                 return End("bifurcation", step.end)
             if box.contains(step.end) and self.problem.growth(step.end) > self.largest_growth:

@@ -20,6 +20,7 @@ from .singular_orbits import crossing
 _REAL = 1e-6  # imaginary part of multipliers that are taken for real where two of them meet
 _VERTICAL = 1e-4  # parameter component of the tangent of the branch that a pitchfork gives birth to
 _SINGULAR = 1e-9  # value of a test function on which a step should not end
+_STILL = 1e-9  # parameter component of the tangent that may be rounding, as along orbits that fill a line
 _MET = 1e-9  # residual where curves cross, more where they only come close to each other
 _SAME = 1e-3  # scaled distance of a fold from a crossing that are one pitchfork
 _BESIDE, _ON_LINE = 0.03, 1e-11  # scaled displacement along the other branch, and of the parameter there on a line
@@ -48,11 +49,30 @@ class TestValues:
 
     tests: Floats
     multipliers: Complexes
+    counted: int | None = None
+    since: SolutionPoint | None = None
 
     @computed_once
     def unstable(self) -> int:
-        """Number of unstable multipliers."""
-        return int(unstable_count(self.multipliers))
+        """Number of unstable multipliers: that which is known from the way here, or those beyond the margin."""
+        return int(unstable_count(self.multipliers)) if self.counted is None else self.counted
+
+    def following(self, before: TestValues, step: ContinuationStep, events: list[Bifurcation]) -> TestValues:
+        """Return the values at the end of a step, with what its beginning and the bifurcations on it tell.
+
+        A single multiplier that has left the unit circle, but not the margin for rounding, is outside.  While the
+        tangent's component along the parameter is rounding, it keeps its sign `since` it was not.
+        """
+        counted = events[-1].after if events else before.counted
+        fewest, most = (int(unstable_count(self.multipliers, margin)) for margin in (MARGIN, -MARGIN))
+        if not most == counted == fewest + 1:
+            counted = None
+        tests, since = self.tests.copy(), None
+        if not self.informative[0]:
+            since = before.since or step.begin
+            if not before.informative[0]:
+                tests[0] = np.copysign(tests[0], before.tests[0])
+        return replace(self, tests=tests, counted=counted, since=since)
 
     @computed_once
     def conservative(self) -> bool:
@@ -93,7 +113,7 @@ class TestValues:
     @computed_once
     def informative(self) -> Bools:
         """Which test functions carry information."""
-        return np.array([kind is not BifurcationKind.NEIMARK_SACKER or not self.conservative for kind in TESTS])
+        return np.array([abs(float(self.tests[0])) > _STILL, True, True, not self.conservative])
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +153,8 @@ class Detector:
         for kind, changed, leave in zip(
             TESTS, passed & (before.informative | after.informative), held.tolist(), strict=True
         ):
-            if changed and (place := self._located(kind, step, leave)) is not None:
+            whole = step if before.since is None or kind is not BifurcationKind.FOLD else step.since(before.since)
+            if changed and (place := self._located(kind, whole, leave)) is not None:
                 found.append(self._candidate(kind, place, step))
         if not found and before.unstable != after.unstable:
             place = self._where_count_changes(step, before.unstable)
@@ -145,7 +166,7 @@ class Detector:
         counts = [before.unstable, *(self._count_at(step, cut, before.unstable) for cut in cuts), after.unstable]
         if any(f.kind in _SIMPLE and f.change and counts[k] == counts[k + 1] for k, f in enumerate(found)):
             # Between two bifurcations that are close together a multiplier stays within the margin for rounding.
-            exact = [self._exactly(p) for p in (step.begin, *(step.at(c) for c in cuts), step.end)]
+            exact = [self._exactly(p) for p in (before.since or step.begin, *(step.at(c) for c in cuts), step.end)]
             counts = [c if e is None else e for c, e in zip(counts, exact, strict=True)]
         events, clear = [], True
         for k, candidate in enumerate(found):

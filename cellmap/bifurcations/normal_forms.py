@@ -16,6 +16,7 @@ from .._lib.signatures import checked
 from ..maps.coordinates import state_points
 from ..maps.multilinear import MultilinearForms, multilinear_forms
 from ..maps.point_map import PointMap
+from ..orbits.arclength import SolutionPoint
 from ..orbits.multipliers import multipliers_along
 from ..orbits.orbit_equations import OrbitProblem, natural_sizes
 from .homological import Centre, eigenvectors, normal_form_terms
@@ -29,6 +30,7 @@ _SAFETY = 1.6  # over the standard deviation
 _ROUNDING = 2e-16
 _LOCATION = 5e-16  # error of the unknowns, in natural sizes
 _DISPLACEMENT = 1e-6  # the same, by which derivatives are compared
+_BESIDE = 10.0 ** np.arange(-7.0, -0.9, 0.25)  # distances, in natural sizes, at which a fold may be misplaced
 _DEFICIENT = 1e-6  # singular value of the equations at a branch point
 
 Tensors = tuple[Floats, ...]
@@ -148,7 +150,36 @@ def normal_form(point_map: PointMap, point: ArrayLike, kind: BifurcationKind, pe
 
 def form_at(problem: OrbitProblem, unknowns: Floats, kind: BifurcationKind) -> NormalForm | None:
     """Return the normal form at unknowns (d + m,) of an orbit problem; None for a kind that has none."""
-    return _form(LocatedForms.of(problem, unknowns), kind) if kind in _FORMS else None
+    if kind not in _FORMS:
+        return None
+    located = LocatedForms.of(problem, unknowns)
+    found = _form(located, kind)
+    if found is None or kind is not BifurcationKind.FOLD:
+        return found
+    further = [LocatedForms.of(problem, beside) for beside in _as_singular(problem, unknowns, located)]
+    others = [reduction(kind, some.tensors, some.sizes) for some in further]
+    apart = [np.inf if other is None else abs(other.coefficient - found.coefficient) for other in others]
+    error = float(np.linalg.norm([found.error, *apart]))
+    return replace(found, error=error, criticality=_criticality(kind, found.coefficient, error))
+
+
+def _as_singular(problem: OrbitProblem, unknowns: Floats, located: LocatedForms) -> list[Floats]:
+    """Return the unknowns farthest on either side of a fold, along the branch, at which it might be as well.
+
+    There the multiplier is 1 within the rounding and the errors of the derivatives, as on a stretch of a flat fold.
+    """
+    null = np.linalg.svd(problem(unknowns)[1][:, : problem.states])[2][-1]
+    lengths = np.append(np.zeros(1), _BESIDE)[:, None, None] * np.array([[1.0], [-1.0]])
+    places = unknowns + lengths * np.append(null, np.zeros(len(unknowns) - problem.states))
+    slopes = problem(places)[1]
+    off = np.array([
+        min(np.abs(problem.multipliers(SolutionPoint(u, m, u)) - 1.0).min() for u, m in zip(*both, strict=True))
+        for both in zip(places, slopes, strict=True)
+    ])  # fmt: skip
+    pair, linear = located.forms.tensors[0][:, 0], located.tensors[0]
+    noise = _ROUNDING * np.abs(linear).max() + np.abs(pair[0] - pair[1]).max()
+    reach = np.flatnonzero(~(off[1:] > _SAFETY * (off[0] + noise)))
+    return list(places[min(2 + reach[-1], len(_BESIDE))]) if len(reach) else []
 
 
 def _form(located: LocatedForms, kind: BifurcationKind) -> NormalForm | None:
@@ -164,24 +195,26 @@ def _form(located: LocatedForms, kind: BifurcationKind) -> NormalForm | None:
 
     value = found.coefficient
     error = located.error_of(value, again, found.off)
-    if not abs(value.real) > CERTAIN * error:
-        criticality = Criticality.DEGENERATE
-    elif _FORMS[kind] == "quadratic":
-        criticality = Criticality.GENERIC
-    elif (value.real > 0.0) == (kind is BifurcationKind.PERIOD_DOUBLING):
-        criticality = Criticality.SUPERCRITICAL
-    else:
-        criticality = Criticality.SUBCRITICAL
     return NormalForm(
         kind=kind,
         coefficient=value.real,
         imaginary=value.imag if kind is BifurcationKind.NEIMARK_SACKER else 0.0,
         error=error,
-        criticality=criticality,
+        criticality=_criticality(kind, value.real, error),
         eigenvector=found.right * located.sizes,
         adjoint=found.left / located.sizes,
         exact=located.forms.exact,
     )
+
+
+def _criticality(kind: BifurcationKind, value: float, error: float) -> Criticality:
+    """Return what a coefficient that is known with an error says."""
+    if not abs(value) > CERTAIN * error:
+        return Criticality.DEGENERATE
+    if _FORMS[kind] == "quadratic":
+        return Criticality.GENERIC
+    above = (value > 0.0) == (kind is BifurcationKind.PERIOD_DOUBLING)
+    return Criticality.SUPERCRITICAL if above else Criticality.SUBCRITICAL
 
 
 class Reduction(NamedTuple):

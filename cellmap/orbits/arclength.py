@@ -108,6 +108,10 @@ class ContinuationStep:
         begin = self.begin
         return corrected(self.problem, begin.unknowns + length * begin.tangent, begin.tangent)
 
+    def since(self, place: SolutionPoint) -> ContinuationStep:
+        """Return the step from an earlier solution point to the end of this one."""
+        return replace(self, begin=place, length=float(place.tangent @ (self.end.unknowns - place.unknowns)))
+
     def interpolated(self, share: float) -> SolutionPoint:
         """Return a point between the ends that is near a solution."""
         begin, end = self.begin, self.end

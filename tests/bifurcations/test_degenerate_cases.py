@@ -5,11 +5,21 @@ from math import cos, pi, sin, sqrt
 import numpy as np
 import pytest
 
-from cellmap import ForcedSystem, PointMap, angle, continue_orbit, discrete_map, periodic_orbit, stroboscopic_map
+from cellmap import (
+    ForcedSystem,
+    PointMap,
+    angle,
+    continue_orbit,
+    discrete_map,
+    periodic_orbit,
+    section_map,
+    stroboscopic_map,
+)
 from cellmap.bifurcations import (
     BifurcationCurve,
     BifurcationKind,
     CodimensionTwoKind,
+    Criticality,
     arnold_tongue,
     connecting_orbits,
     continue_bifurcation,
@@ -261,3 +271,47 @@ def test_no_branch_leaves_a_flip_at_which_all_orbits_double(bent: bool) -> None:
     assert flip.kind is BifurcationKind.PERIOD_DOUBLING and flip.value == pytest.approx(1.0, abs=1e-12)
     with pytest.raises(ValueError, match="orbits of twice the period fill a curve there"):
         switch_branch(branch, flip, 0.0, 1.5)
+
+
+@pytest.mark.parametrize("power", [4, 6, 8])
+def test_a_flat_fold_is_one_fold_whose_coefficient_is_zero_within_its_error(power: int) -> None:
+    """Fixed points of x + q - x^n are q = x^n: one fold at 0 for even n, with the quadratic coefficient 0."""
+    flat = discrete_map(lambda x, p: (x[0] + p.q - x[0] ** power,), {"q": 0.5}, ("x",))
+    branch = continue_orbit(flat, periodic_orbit(flat, [0.5 ** (1 / power)]), "q", -1.0, 0.6)
+    assert [b.kind for b in branch.bifurcations[:1]] == [BifurcationKind.FOLD]
+    assert not {BifurcationKind.FOLD, BifurcationKind.DEGENERATE} & {b.kind for b in branch.bifurcations[1:]}
+    fold = branch.bifurcations[0]
+    assert abs(fold.value) < 1e-15 and {fold.before, fold.after} == {0, 1}
+    assert fold.normal_form.criticality is Criticality.DEGENERATE
+    assert abs(fold.normal_form.coefficient) < fold.normal_form.error < 1e-8
+
+
+def test_an_inflection_is_no_fold() -> None:
+    """Fixed points of x + q - x^3 are q = x^3, which grows throughout."""
+    flat = discrete_map(lambda x, p: (x[0] + p.q - x[0] ** 3,), {"q": 0.3}, ("x",))
+    assert continue_orbit(flat, periodic_orbit(flat, [0.3 ** (1 / 3)]), "q", -0.5, 0.5).bifurcations == ()
+
+
+def test_a_weakly_curved_fold_keeps_its_digits() -> None:
+    """The quadratic coefficient of x + q - 1e-6 x^2 - x^4 at 0 is -1e-6."""
+    flat = discrete_map(lambda x, p: (x[0] + p.q - 1e-6 * x[0] ** 2 - x[0] ** 4,), {"q": 0.1}, ("x",))
+    form = continue_orbit(flat, periodic_orbit(flat, [0.1**0.25]), "q", -0.1, 0.2).bifurcations[0].normal_form
+    assert form.criticality is Criticality.GENERIC and abs(form.coefficient + 1e-6) <= 3 * form.error < 1e-14
+
+
+def test_a_flat_fold_of_a_flow() -> None:
+    """Equilibria of x' = q - x^4, as fixed points of the map over a time."""
+    flow = stroboscopic_map(ForcedSystem(lambda t, x, p: (p.q - x[0] ** 4,), {"q": 0.1}, 6.0, ("x",)))
+    branch = continue_orbit(flow, periodic_orbit(flow, [0.1**0.25]), "q", -0.1, 0.2, step=0.03)
+    (fold,) = branch.bifurcations
+    assert fold.kind is BifurcationKind.FOLD and abs(fold.value) < 1e-13
+    assert abs(fold.normal_form.coefficient) < fold.normal_form.error < 1e-7
+
+
+def test_a_family_of_conservative_orbits_has_no_folds() -> None:
+    """Without damping (d = 0) all orbits of an oscillator are periodic, and rounding decides how d moves along them."""
+    free = ForcedSystem(lambda t, x, p: (x[1], -x[0] - x[0] ** 3 + p.d * x[1]), {"d": 0.0}, 2.0, ("x", "v"))
+    section = section_map(free, ("v", 0.0, -1))
+    family = continue_orbit(section, periodic_orbit(section, [1.0]), "d", -0.1, 0.1, step=0.1, max_points=8)
+    assert family.bifurcations == () and float(np.abs(family.values).max()) < 1e-13
+    assert family.points.min() < 0.3 and family.points.max() > 1.8
