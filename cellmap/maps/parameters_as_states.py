@@ -19,6 +19,7 @@ from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .coordinates import Coordinate
 from .formulas import unknown_formulas
+from .impacts import Impact
 from .orbit_batch import Orbits
 from .point_map import PointMap
 from .specification import MapSpec, specification
@@ -145,7 +146,7 @@ def swept_system(system: ForcedSystem, *parameters: str) -> ForcedSystem:
         For a name that the system does not have, or for a parameter on which the period of the right-hand side depends
         although the period is given as a number.
     TypeError
-        For a right-hand side that cannot be traced, or a system with impacts.
+        For a right-hand side that cannot be traced.
 
     Examples
     --------
@@ -154,11 +155,6 @@ def swept_system(system: ForcedSystem, *parameters: str) -> ForcedSystem:
     (-6.0, 0.0)
     """
     _check_names(parameters, system.params)
-    if system.impacts:
-        raise TypeError(
-            f"system={system!r} has impacts, which move all of the state and would move the parameters in it: sweep "
-            "the map instead, swept_map(stroboscopic_map(system), ...)"
-        )
     made = with_states(system, parameters)
     if made is None:
         raise TypeError(f"rhs of {system.name} cannot be traced: write it with plain arithmetic and functions of math")
@@ -171,10 +167,10 @@ def with_states(system: ForcedSystem, names: tuple[str, ...]) -> ForcedSystem | 
     Where the period is a function of parameters, time is counted in periods.
     """
     period = system.period if callable(system.period) else None
-    functions = (system.rhs, system.switches, period)
-    if unknown_formulas(system) or system.impacts:
+    functions, described = (system.rhs, system.switches, period), (system.dimension, tuple(system.params), names)
+    if unknown_formulas(system):
         return None
-    rhs, switches = _swept_functions(functions, system.dimension, tuple(system.params), names)
+    rhs, switches = _swept_functions(functions, *described)
     try:
         return ForcedSystem(
             rhs,
@@ -183,6 +179,7 @@ def with_states(system: ForcedSystem, names: tuple[str, ...]) -> ForcedSystem | 
             swept_axes(system.axes, names),
             system.name,
             switches,
+            _swept_impacts(tuple(system.impacts), period, *described),
         )
     except ValueError as error:
         if period is None and "period" in str(error):
@@ -212,12 +209,25 @@ def _swept_functions(
         length = period(q)
         return (*[length * rate for rate in rhs(length * t, x[:dimension], q, *signs)], *at_rest)
 
-    def switching(t: float, x: Sequence[float], p: Any) -> Sequence[float]:
-        assert switches is not None
-        q = with_swept(x, p)
-        return switches(t if period is None else period(q) * t, x[:dimension], q)
+    return moving, None if switches is None else _reading(switches, period, dimension, with_swept)
 
-    return moving, None if switches is None else switching
+
+@functools.lru_cache(maxsize=256)
+def _swept_impacts(
+    impacts: tuple[Impact, ...],
+    period: Callable[..., Any] | None,
+    dimension: int,
+    all_names: tuple[str, ...],
+    names: tuple[str, ...],
+) -> tuple[Impact, ...]:
+    """Return impacts that read some parameters from the state, and leave them as they are; the same ones every time."""
+    with_swept = _reader(dimension, all_names, names)
+
+    def swept(impact: Impact) -> Impact:
+        guard, reset = (_reading(f, period, dimension, with_swept) for f in (impact.guard, impact.reset))
+        return replace(impact, guard=guard, reset=lambda t, x, p: (*reset(t, x, p), *x[dimension:]))
+
+    return tuple(map(swept, impacts))
 
 
 @functools.lru_cache(maxsize=256)
@@ -247,6 +257,18 @@ def _reader(dimension: int, all_names: tuple[str, ...], names: tuple[str, ...]) 
         return record(*[x[k] if k >= 0 else p[field][entry] if entry else p[field] for k, field, entry in places])
 
     return with_swept
+
+
+def _reading(
+    function: Callable[..., Any], period: Callable[..., Any] | None, dimension: int, with_swept: Callable[..., Any]
+) -> Callable[..., Any]:
+    """Return a function of time, state and parameters that reads some of the parameters from the state."""
+
+    def read(t: float, x: Sequence[float], p: Any) -> Any:
+        q = with_swept(x, p)
+        return function(t if period is None else period(q) * t, x[:dimension], q)
+
+    return read
 
 
 def _row_by_row(exact: PointMap, names: tuple[str, ...]) -> PointMap:

@@ -266,19 +266,37 @@ def test_maps_that_know_no_impacts():
     assert flow_map(BALL, 0.5)([1.0, 0.0]) == pytest.approx(bounced(1.0, 0.0, 0.5, 9.81, 0.8))
 
 
-def test_parameters_are_swept_by_the_map_and_not_in_the_state():
-    """Rows of a swept map are those of maps with these parameters, and its derivatives those of differences."""
-    swept, step = swept_map(stroboscopic_map(STRUCK, rtol=1e-12, atol=1e-12), "wall", "force"), 1e-6
-    rows = np.array([[0.1, 0.3, 0.5, 1.0], [-1.0, 0.7, 0.6, 0.9], [0.1, 0.3, 0.6, 1.0]])
-    for row, image in zip(rows, swept(rows), strict=True):
+def test_rows_of_a_swept_map_are_those_of_maps_and_keep_their_parameters():
+    """One state begins behind the wall, whose place is a parameter: it is put on it, and not the wall on it."""
+    swept = swept_map(stroboscopic_map(STRUCK, rtol=1e-12, atol=1e-12), "wall", "force")
+    rows = np.array([[0.1, 0.3, 0.5, 1.0], [-1.0, 0.7, 0.6, 0.9], [0.9, 0.3, 0.6, 1.0]])
+    images = swept(rows)
+    assert (images[:, 2:] == rows[:, 2:]).all()
+    for row, image in zip(rows, images, strict=True):
         direct = stroboscopic_map(STRUCK.with_params(wall=row[2], force=row[3]), rtol=1e-12, atol=1e-12)
-        assert (image[:2] == direct(row[:2])).all()
-    shift = step * np.array([0, 0, 1, 0])
-    assert jacobian(swept, rows[0])[:, 2] == pytest.approx(
-        (swept(rows[0] + shift) - swept(rows[0] - shift)) / (2 * step)
-    )
-    with pytest.raises(TypeError, match=r"has impacts, .* swept_map\(stroboscopic_map\(system\), ...\)"):
-        swept_system(STRUCK, "wall")
+        assert image[:2] == pytest.approx(direct(row[:2]), rel=1e-11, abs=1e-11)
+    assert swept_system(STRUCK, "wall").impacts[0].reset(0.0, (0.5, 2.0, 0.5), STRUCK.parameters) == (0.5, -1.4, 0.5)
+
+
+def test_derivatives_by_parameters_of_guard_reset_and_period_are_those_of_scipy():
+    """Four impacts on a table that moves with its amplitude and frequency, by differences of SciPy's orbits."""
+    values, step = np.array([2.0, 1.0]), 1e-4
+    moved = {
+        (j, k): by_scipy(TABLE.with_params(dict(zip(("amplitude", "omega"), values + k * step * unit))), (2.5, 0.0))
+        for j, unit in enumerate(np.eye(2))
+        for k in (-2, -1, 1, 2)
+    }
+    slopes = [(moved[j, -2] - moved[j, 2] + 8 * (moved[j, 1] - moved[j, -1])) / (12 * step) for j in range(2)]
+    found = jacobian(swept_map(stroboscopic_map(TABLE), "amplitude", "omega"), [2.5, 0.0, *values])
+    assert found[:2, 2:] == pytest.approx(np.stack(slopes, axis=1), rel=1e-6)
+    assert (found[2:] == np.eye(4)[2:]).all()
+
+
+def test_a_state_that_rests_on_a_moving_table_moves_with_it_under_its_parameters():
+    """Where the table passes its mean place it has the speed amplitude * omega, and so has what rests on it."""
+    exact = stroboscopic_map(TABLE.with_params(amplitude=1.2), phase=0.75)
+    found = jacobian(swept_map(exact, "amplitude", "omega"), [0.0, 1.2, 1.2, 1.0])
+    assert found[:2, 2:] == pytest.approx(np.array([[0.0, 0.0], [1.0, 1.2]]), abs=1e-11)
 
 
 def test_parameters_share_what_is_compiled():

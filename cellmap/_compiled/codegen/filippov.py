@@ -76,6 +76,16 @@ class SwitchingTrace:
         return tuple(kinds)
 
     @property
+    def moving(self) -> int:
+        """Number of coordinates without the last ones that neither motion nor impacts change."""
+        base = self.free_motion
+        for j in range(len(base.states), 0, -1):
+            kept = all(i is None or i.landed[j - 1] is base.states[j - 1] for i in self.impacts)
+            if not (base.outputs[j - 1].vanishes and kept):
+                return j
+        return len(base.states)
+
+    @property
     def can_slide(self) -> bool:
         """Whether there is a mode that slides, or rests."""
         return any(kind >= RESTS for kind in self.kinds) or any(

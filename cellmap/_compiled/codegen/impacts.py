@@ -104,10 +104,14 @@ def beside_rest(
 
 
 def _with_rest(base: Trace, impact: Impact, guard: Expression, ahead: dict[Expression, Expression]) -> Impact:
-    """Add what belongs to a rest, where the impact acts along one direction on which the guard's rate depends."""
+    """Add what belongs to a rest, where the impact acts along one direction on which the guard's rate depends.
+
+    Coordinates that nothing changes, as parameters among the state, are no part of a direction.
+    """
     graph, zero = base.graph, base.graph.constant(0.0)
     changes = [graph.minus(r, x) for r, x in zip(impact.landed, base.states, strict=True)]
-    slope = _gradient(base, impact.rate)
+    moves = [not (rate.vanishes and change.vanishes) for rate, change in zip(base.outputs, changes, strict=True)]
+    slope = [s if m else zero for s, m in zip(_gradient(base, impact.rate), moves, strict=True)]
     # The reset turns the rate of the guard round, and changes the state along one direction: that of its own change.
     seeds = {x: s for x, s in zip(base.states, slope, strict=True) if s is not zero}
     normal = along(graph, changes, seeds)
@@ -124,8 +128,9 @@ def _with_rest(base: Trace, impact: Impact, guard: Expression, ahead: dict[Expre
         graph.minus(ahead[x], graph.times(graph.apply("div", drift, across), n))
         for x, n in zip(base.states, normal, strict=True)
     ]
-    up = _gradient(base, guard)
-    apart = graph.apply("div", graph.dot(up, held), graph.dot(up, up))
+    slopes = _gradient(base, guard)
+    up = [s if m else zero for s, m in zip(slopes, moves, strict=True)]
+    apart = graph.apply("div", graph.dot(slopes, held), graph.dot(up, up))
     held = [graph.minus(h, graph.times(apart, u)) for h, u in zip(held, up, strict=True)]
     return replace(impact, push=push, stuck=stuck, held=tuple(held))
 

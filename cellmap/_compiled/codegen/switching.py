@@ -82,7 +82,7 @@ def compiled_switching(
     aligned = all(surface.operation == "state" for surface in traced.surfaces)
     project = traced.can_slide and not aligned
     sizes = (len(traced.motion.states), dimension, count, order)
-    numbers = (*addresses, *sizes, project, traced.is_coupled, impacts, 0, *traced.kinds, *traced.bound)
+    numbers = (*addresses, *sizes, project, traced.is_coupled, impacts, 0, traced.moving, *traced.kinds, *traced.bound)
     context = np.array(numbers, dtype=np.int64)
     move = switching_period.period(count == 1)
     return CompiledPeriod(move.address, tuple(loaded), context)

@@ -30,13 +30,13 @@ def begin_rest(e, system, t, lane, jumps):
     state, signs, slides, fresh, bound = lane.state, lane.signs, lane.slides, lane.fresh, system.bound
     dimension = system.dimension
     own = e * dimension
+    call_impacts(system.impacts, t, state, state, system.p, signs, jumps)
+    for j in range(dimension):
+        state[j] = jumps.stuck[own + j]
     for first in range(dimension, state.size, dimension):
         call_impacts(system.impacts, t, state, state[first:], system.p, signs, jumps)
         for j in range(dimension):
             state[first + j] = jumps.held[own + j]
-    call_impacts(system.impacts, t, state, state, system.p, signs, jumps)
-    for j in range(dimension):
-        state[j] = jumps.stuck[own + j]
     signs[e], slides[e], fresh[e] = 0.0, 1.0, 0.0
     for k in range(signs.size):
         if bound[e * signs.size + k] != 0:
@@ -83,13 +83,13 @@ def begin_at_impacts(system, t, lane, surfaces, jumps):
     for e in range(lane.signs.size):
         if kinds[e] == SOLID and values[e] < 0.0:
             square = 0.0
-            for j in range(dimension):
+            for j in range(system.moving):
                 square += normals[e, j] * normals[e, j]
             for first in range(0, state.size, dimension):
                 depth = values[e] if first == 0 else 0.0
                 for j in range(dimension):
                     depth += 0.0 if first == 0 else normals[e, j] * state[first + j]
-                for j in range(dimension):
+                for j in range(system.moving):
                     state[first + j] -= normals[e, j] * depth / square
             moved += 1
     if moved > 0:

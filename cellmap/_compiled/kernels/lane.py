@@ -15,8 +15,8 @@ SIGN, COUNTS, STRIKES, RESTS, SOLID = range(5)
 """What a switch does: it has a sign, or a whole number; or there are impacts at it, after which a state may rest, and
 behind which none may begin."""
 
-CONTEXT = 12
-"""Numbers that a system is described with, before those of each surface: the first twelve of :class:`System`."""
+CONTEXT = 13
+"""Numbers that a system is described with, before those of each surface: the first thirteen of :class:`System`."""
 
 COUNT, WATCHED = 6, 11
 """Places in the context of the number of surfaces, and of the address of what is kept of grazing (0 for nothing)."""
@@ -36,6 +36,9 @@ class System(NamedTuple):
         Whether lanes that slide are brought back at the end, and whether surfaces depend on the sides of others.
     impacts, watched : int
         Addresses of the function of impacts and of what :mod:`.grazing` keeps of each orbit, or 0.
+    moving : int
+        Number of coordinates without the last ones that nothing changes, as parameters among the state: a state that is
+        put on a surface keeps these.
     kinds : ndarray of int64, shape (switches,)
         What each switch does.
     bound : ndarray of int64, shape (switches * switches,)
@@ -57,6 +60,7 @@ class System(NamedTuple):
     coupled: int
     impacts: int
     watched: int
+    moving: int
     kinds: NDArray[np.int64]
     bound: NDArray[np.int64]
     p: NDArray[np.float64]
@@ -118,8 +122,8 @@ class Jumps(NamedTuple):
 @inlined
 def system_of(context, p, single):
     """Return the system of a context; with `single`, one whose loops over surfaces vanish."""
-    free, general, begin, surfaces, size, dimension, several, order, projects, depends, impacts, watched = array_at(
-        context, CONTEXT
+    free, general, begin, surfaces, size, dimension, several, order, projects, depends, impacts, watched, moving = (
+        array_at(context, CONTEXT)
     )
     count, coupled = 1 if single else several, 0 if single else depends
     described = array_at(context, CONTEXT + count + count * count)
@@ -136,6 +140,7 @@ def system_of(context, p, single):
         coupled,
         impacts,
         watched,
+        moving,
         described[CONTEXT : CONTEXT + count],
         described[CONTEXT + count :],
         p,

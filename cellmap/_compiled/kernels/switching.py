@@ -122,9 +122,9 @@ def project(system, lane, surfaces, event):
     a state may slide it has to be on its surface, which the time of an event that all but touches leaves less exactly.
     """
     state, gains, normals, active, shifts = lane.state, surfaces.gains, surfaces.normals, event.on_surface, event.before
-    count, dimension = normals.shape
+    count, moving = normals.shape[0], system.moving
     error, length = 0.0, 1.0
-    for j in range(dimension):
+    for j in range(moving):
         error += abs(lane.errors[j])
         length += abs(state[j])
     for e in range(count):
@@ -133,18 +133,18 @@ def project(system, lane, surfaces, event):
             shifts[e] -= 0.5 if surfaces.values[e] > 0.0 else -0.5
     if count == 1:
         square = 0.0
-        for j in range(dimension):
+        for j in range(moving):
             square += normals[0, j] * normals[0, j]
         reach = error + length * (_DIGITS if gains[0, 0] == 0.0 else _SLIDING)
         if event.hits[0] + lane.slides[0] > 0.0 and abs(shifts[0]) < reach * np.sqrt(square):
-            for j in range(dimension):
+            for j in range(moving):
                 state[j] -= normals[0, j] * (shifts[0] / square)
         return
     products, alone = np.empty((count, count)), 0.0
     for e in range(count):
         for k in range(count):
             products[e, k] = 0.0
-            for j in range(dimension):
+            for j in range(moving):
                 products[e, k] += normals[e, j] * normals[k, j]
         reach = error + length * (_DIGITS if gains[e, e] == 0.0 else _SLIDING)
         near = abs(shifts[e]) < reach * np.sqrt(products[e, e])
@@ -155,7 +155,7 @@ def project(system, lane, surfaces, event):
     for e in range(count):
         # Surfaces that all but coincide have no point of intersection nearby.
         if active[e] and abs(shifts[e]) <= 1e3 * alone:
-            for j in range(dimension):
+            for j in range(moving):
                 state[j] += normals[e, j] * shifts[e]
 
 
