@@ -282,7 +282,9 @@ def test_derivatives_by_parameters_of_guard_reset_and_period_are_those_of_scipy(
     """Four impacts on a table that moves with its amplitude and frequency, by differences of SciPy's orbits."""
     values, step = np.array([2.0, 1.0]), 1e-4
     moved = {
-        (j, k): by_scipy(TABLE.with_params(dict(zip(("amplitude", "omega"), values + k * step * unit))), (2.5, 0.0))
+        (j, k): by_scipy(
+            TABLE.with_params(dict(zip(("amplitude", "omega"), values + k * step * unit, strict=True))), (2.5, 0.0)
+        )
         for j, unit in enumerate(np.eye(2))
         for k in (-2, -1, 1, 2)
     }
