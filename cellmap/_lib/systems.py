@@ -39,6 +39,16 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def open_files() -> int:
+    """Return how many files and connections this process may have open; 1024 where systems do not tell."""
+    try:
+        import resource
+    except ImportError:
+        return 1024
+    limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    return limit if limit != resource.RLIM_INFINITY else 2**20
+
+
 def at_fork(after_in_child: Callable[[], object], around: Callable[[], object] | None = None) -> None:
     """Have functions called when this process forks: `around` before, the other one after, in the child."""
     if not hasattr(os, "register_at_fork"):

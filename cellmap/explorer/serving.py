@@ -11,12 +11,14 @@ import threading
 import time
 import webbrowser
 from collections.abc import Sequence
+from functools import partial
 from types import TracebackType
 from typing import Any, Self
 
 from .._lib.checks import whole_number
 from .._lib.memory import give_back_memory, share_heaps
 from .._lib.signatures import checked
+from .._lib.systems import open_files
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..maps.system import ForcedSystem
@@ -27,6 +29,8 @@ HERE = "127.0.0.1"
 MOST_WATCHERS = 1000
 
 _STARTING = 20.0  # seconds
+_QUEUE = 2048  # connections that the system keeps until they are accepted
+_OTHERS = 64  # open files that are no watchers, in the half of all that watchers may take
 _GIVING_BACK = 30.0  # seconds between two returns of free memory, which take milliseconds
 
 
@@ -45,7 +49,7 @@ class Explorer:
         self, server: Any, listening: Sequence[socket.socket], address: str, watch_address: str | None = None
     ) -> None:
         self.address, self.watch_address = address, watch_address
-        self._server = server
+        self._server, self._listening = server, listening
         self._thread = threading.Thread(
             target=server.run, kwargs={"sockets": list(listening)}, name="explorer", daemon=True
         )
@@ -74,6 +78,8 @@ class Explorer:
             if not self._thread.is_alive() or time.monotonic() - begin > _STARTING:
                 raise RuntimeError(f"the explorer did not start at {self.address}: its log says why")
             time.sleep(0.01)
+        for end in self._listening:
+            end.listen(_QUEUE)  # the loop has made it as short as what it accepts in one go
         threading.Thread(target=self._give_back, name="memory", daemon=True).start()
 
     def _give_back(self) -> None:
@@ -116,13 +122,19 @@ def serve(
     try:
         import uvicorn
 
-        from .server import Shared, application
+        from .connections import ACCEPTED, Connection
+        from .server import MOST_SESSIONS, Shared, application
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(f"{error}: pip install 'cellmap-dynamics[explorer]'") from error
     share_heaps()
     systems = {e.name: e for e in checked_gallery(gallery)}
     prepared = [] if views is None else load_views(views, systems)
     most = whole_number("watchers", watchers, at_most=MOST_WATCHERS)
+    if most > (room := max(0, open_files() // 2 - _OTHERS)):
+        raise ValueError(
+            f"watchers={most}: this process may open {open_files():,} files, which are enough for {room:,}; raise its "
+            f"limit (ulimit -n {2 * (most + _OTHERS)}), or give a smaller number"
+        )
     shared = Shared(host or _host_in_network(), secrets.token_urlsafe(9), most) if most else None
     listening = [_listening(HERE, whole_number("port", port, at_most=65535))]
     if shared is not None:
@@ -132,8 +144,12 @@ def serve(
             listening[0].close()
             raise
     token = secrets.token_urlsafe(24)
+    pages = {end.getsockname()[1]: number for end, number in zip(listening, (MOST_SESSIONS, most), strict=False)}
     config = uvicorn.Config(
         application(systems, token, prepared, shared),
+        loop="asyncio",  # whose bound on what is accepted in one go is its `backlog`
+        backlog=ACCEPTED,
+        http=partial(Connection, pages),  # type: ignore[arg-type]
         ws="websockets-sansio",
         ws_per_message_deflate=False,
         ws_max_size=2**17,
@@ -169,7 +185,7 @@ def _listening(host: str, port: int) -> socket.socket:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((host, port))
-        listening.listen(2048)
+        listening.listen(_QUEUE)
     except OSError as error:
         listening.close()
         if error.errno == errno.EADDRNOTAVAIL:

@@ -1,0 +1,145 @@
+"""Strangers who hold connections keep nobody out: neither idle ones, nor those with half a request, at either port."""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import json
+import resource
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+from served_pages import GALLERY
+from test_sharing import shared as shared
+from websockets.sync.client import connect
+
+from cellmap.explorer import Explorer
+from cellmap.explorer.serving import serve
+
+SERVER = """
+import resource, sys
+limit = int(sys.argv[1])
+resource.setrlimit(resource.RLIMIT_NOFILE, (limit, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
+sys.path.insert(0, "tests/explorer")
+from served_pages import GALLERY
+from cellmap.explorer.serving import serve
+explorer = serve(GALLERY[:1], open_page=False, watchers=5, host="127.0.0.1")
+print(explorer.address, explorer.watch_address, flush=True)
+sys.stdin.read()
+"""
+STRANGERS = 2000
+
+
+@contextlib.contextmanager
+def served(limit: int) -> Iterator[tuple[str, str]]:
+    """Run a server in a process that may open so many files."""
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", SERVER, str(limit)], text=True, **pipes) as process:  # type: ignore[call-overload]
+        assert process.stdout is not None
+        own, watch = process.stdout.readline().split()
+        yield own, watch
+        _, told = process.communicate()
+    assert told == ""
+
+
+@contextlib.contextmanager
+def strangers(place: str, said: bytes, many: int = STRANGERS) -> Iterator[Callable[[], int]]:
+    """Hold many connections, which are as slow to be made as the server makes them; yield how many it has closed."""
+    host, port = place.split(":")
+    with contextlib.ExitStack() as stack:
+        held = [stack.enter_context(socket.create_connection((host, int(port)), timeout=5.0)) for _ in range(many)]
+        for one in held:
+            with contextlib.suppress(OSError):  # closed already
+                one.sendall(said)
+        yield lambda: sum(is_closed(one) for one in held)
+
+
+def is_closed(one: socket.socket) -> bool:
+    """Whether nothing more will come, after what has come."""
+    one.setblocking(False)
+    try:
+        while one.recv(2**16):
+            pass
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass
+    return True
+
+
+def answered(address: str) -> float:
+    """Return how long a page takes to be there, with its connection."""
+    began = time.monotonic()
+    _, _, place, token, *_ = address.split("/")
+    with contextlib.closing(http.client.HTTPConnection(place, timeout=5.0)) as connection:
+        connection.request("GET", f"/{token}/")
+        assert connection.getresponse().status == 200
+    with connect(f"ws://{place}/{token}/connection", origin=f"http://{place}", compression=None) as page:
+        assert json.loads(page.recv(5.0))["type"] in ("hello", "welcome")
+    return time.monotonic() - began
+
+
+@pytest.mark.parametrize(("limit", "said"), [(1024, b""), (256, b"GET /")])
+def test_the_page_and_those_who_watch_are_answered(limit: int, said: bytes) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with served(limit) as (own, watch):
+        resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, STRANGERS + 200), hard))
+        try:
+            for address in (watch, own):
+                with strangers(address.split("/")[2], said) as closed:
+                    assert max(answered(own), answered(watch)) < 5.0
+                    assert STRANGERS - limit // 8 <= closed() < STRANGERS
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def test_the_head_of_a_request_has_its_time(shared: Explorer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the first one and of those that follow it on the same connection; a page may be silent for longer."""
+    monkeypatch.setattr("cellmap.explorer.connections._PATIENCE", 0.3)
+    address = str(shared.watch_address)
+    host, port = address.split("/")[2].split(":")
+    place = (host, int(port))
+    with connect(address.replace("http", "ws") + "connection", origin=f"http://{host}:{port}") as page:
+        for whole in (b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"):
+            with socket.create_connection(place, timeout=5.0) as one:
+                one.sendall(whole)
+                if whole:
+                    assert b"404" in one.recv(4096)
+                began = time.monotonic()
+                with contextlib.suppress(ConnectionError):
+                    for byte in b"GET / HTTP/1.1\r\nHost: nobody-in-a-hurry.example.org":
+                        one.sendall(bytes([byte]))
+                        time.sleep(0.05)
+                with pytest.raises(ConnectionError):
+                    one.sendall(b"x")
+                    assert one.recv(1) == b""
+                    one.sendall(b"x")
+                assert time.monotonic() - began < 3.0
+        assert json.loads(page.recv(5.0))["type"] == "welcome"
+        page.ping().wait(5.0)
+
+
+def test_somebody_with_the_address_of_watchers_takes_no_more_than_these_may(
+    shared: Explorer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beyond 2 watchers there are as many who are told that they are too many, and need not listen, as guests."""
+    monkeypatch.setattr("cellmap.explorer.connections.open_files", lambda: 64)
+    place, token = str(shared.watch_address).split("/")[2:4]
+    head = f"GET /{token}/connection HTTP/1.1\r\nHost: {place}\r\nOrigin: http://{place}\r\nUpgrade: websocket\r\n"
+    head += "Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    with strangers(place, head.encode(), 40) as closed:
+        assert answered(shared.address) < 5.0
+        until = time.monotonic() + 5.0
+        while closed() < 40 - (2 + 8) and time.monotonic() < until:
+            time.sleep(0.05)
+        assert closed() == 40 - (2 + 8)
+
+
+def test_more_watchers_than_files_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cellmap.explorer.serving.open_files", lambda: 256)
+    with pytest.raises(ValueError, match=r"watchers=200: .* 256 files.* for 64; raise .*-n 528"):
+        serve(GALLERY[:1], open_page=False, watchers=200, host="127.0.0.1")
