@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .._lib.arrays import Bools, Floats, Ints
-from .._lib.checks import known_parameter, whole_number
+from .._lib.checks import known_parameter, warn_caller, whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import difference
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..orbits.orbit_kinds import PeriodicOrbit
-from ..orbits.periodic_search import find_periodic_orbits
+from ..orbits.periodic_search import find_periodic_orbits, is_inside
 from .branch import Bifurcation, Branch
 from .intervals import interval_between
 from .kinds import BifurcationKind
@@ -46,6 +46,10 @@ class BranchSearch:
         Whether a branch was reached from another one at a bifurcation; the others were found by the search.
     not_followed : tuple of Bifurcation
         Bifurcations from which no further branch could be followed, though one leaves them.
+    missed : ndarray of int, shape (n,)
+        Number of orbits at each value, on the branches and in the window, that the search there has not found.
+    late : ndarray of bool, shape (branches,)
+        Whether a branch was found by the second search alone, half-way between the values and in other cells.
     """
 
     parameter: str
@@ -55,6 +59,8 @@ class BranchSearch:
     present: Bools
     connected: Bools
     not_followed: tuple[Bifurcation, ...]
+    missed: Ints
+    late: Bools
 
     def __repr__(self) -> str:
         closed = len(self.isolas)
@@ -86,8 +92,12 @@ def find_branches(
 
     At several parameter values all periodic orbits in the window are searched for.  Each that is on no known branch is
     continued, and from its bifurcations the branches that leave them.  A branch is missed if it passes none of the
-    values, as a small isola between two of them, or if the search fails at all values that it passes; one that is
-    present at a single value is a hint that others like it may have been missed.
+    values, as a small isola between two of them, or if the search fails at all values that it passes.
+
+    How likely that is, is seen in two ways.  The search is repeated half-way between the values, with one cell more
+    along each axis; and what the first search has found at its values is compared with the orbits there of all
+    branches.  Branches found by the second search alone, and orbits that the first one has missed, are in the record,
+    and a warning says where they are, since both may have missed others.
 
     Parameters
     ----------
@@ -116,6 +126,11 @@ def find_branches(
     TypeError, ValueError
         For an unknown parameter, an empty interval, or a window that does not fit the map.
 
+    Warns
+    -----
+    UserWarning
+        If a branch is found by the second search alone, or an orbit on a branch is missed by the first.
+
     Examples
     --------
     A circle of fixed points, x^2 + q^2 = 1, beside a line of others, x = 3:
@@ -130,30 +145,51 @@ def find_branches(
     longest = whole_number("longest_period", longest_period, at_least=1)
     count = whole_number("n_values", n_values, at_least=1)
     values = low + (high - low) * (np.arange(count) + _OFFSET) / count
+    grid = region.on(point_map.coordinates, "region")
+    more = replace(grid, shape=tuple(n + (a < b) for n, a, b in zip(grid.shape, grid.lower, grid.upper, strict=True)))
     found = _Found(_tolerances(point_map, region), (low, high), longest, step, max_points, progress)
-    numbers = np.zeros(count, np.int64)
-    for k, value in enumerate(values.tolist()):
-        there = point_map.with_params(**{parameter: value})
-        orbits = find_periodic_orbits(there, region, longest, progress)
-        numbers[k] = len(orbits)
-        for orbit in orbits:
-            # At a bifurcation Newton's method ends anywhere near it.
-            regular = float(np.abs(orbit.multipliers - 1.0).min()) > _SINGULAR
-            if regular and not found.has(orbit, value):
-                exact = there.without_table
-                branch = continue_orbit(exact, orbit, parameter, low, high, step, max_points, progress=progress)
-                found.add(branch, connected=False)
+    searches = {v: found.search(point_map, parameter, v, grid) for v in values.tolist()}
+    early = len(found.branches)
+    for value in (0.5 * (values[:-1] + values[1:])).tolist():
+        found.search(point_map, parameter, value, more)
     branches = found.branches
     present = [[bool(b.values.min() <= v <= b.values.max()) for v in values.tolist()] for b in branches]
-    return BranchSearch(
+    search = BranchSearch(
         parameter=parameter,
         branches=tuple(branches),
         values=values,
-        orbits=numbers,
+        orbits=np.array([len(orbits) for orbits in searches.values()]),
         present=np.array(present, dtype=bool).reshape(len(branches), count),
         connected=np.array(found.connected, dtype=bool),
         not_followed=tuple(found.not_followed),
+        missed=np.array([found.missing(orbits, v, grid) for v, orbits in searches.items()]),
+        late=np.arange(len(branches)) >= early,
     )
+    _warn(search)
+    return search
+
+
+def _warn(search: BranchSearch) -> None:
+    """Warn where orbits or branches were not found by the first search."""
+    if search.missed.any():
+        places = ", ".join(f"{v:.6g}" for v in search.values[search.missed > 0])
+        warn_caller(
+            f"{int(search.missed.sum())} orbits on the branches at {search.parameter}={places} were missed by the "
+            "search there, and others may be missed at all values: give finer cells in region"
+        )
+    if search.late.any():
+        places = ", ".join(
+            f"{b.values.min():.6g} to {b.values.max():.6g}" for b in np.array(search.branches)[search.late]
+        )
+        warn_caller(
+            f"{int(search.late.sum())} of {len(search.late)} branches, over {search.parameter}={places}, were found by "
+            "the second search alone, and others may be missed: give more n_values, or finer cells in region"
+        )
+
+
+def _is_regular(orbit: PeriodicOrbit) -> bool:
+    """Return whether an orbit is away from a bifurcation, at which Newton's method ends anywhere near it."""
+    return float(np.abs(orbit.multipliers - 1.0).min()) > _SINGULAR
 
 
 def _tolerances(point_map: PointMap, region: CellGrid) -> Floats:
@@ -176,19 +212,43 @@ class _Found:
         self._step, self._most, self._progress = step, most, progress
         self._orbits: dict[tuple[int, float], tuple[PeriodicOrbit, ...]] = {}
 
+    def search(self, point_map: PointMap, parameter: str, value: float, grid: CellGrid) -> tuple[PeriodicOrbit, ...]:
+        """Return the orbits found at a parameter value, and add the branches of those that are on none."""
+        there = point_map.with_params(**{parameter: value})
+        orbits = find_periodic_orbits(there, grid, self._longest, self._progress)
+        for orbit in orbits:
+            if _is_regular(orbit) and not self.has(orbit, value):
+                exact, (low, high) = there.without_table, self._interval
+                branch = continue_orbit(
+                    exact, orbit, parameter, low, high, self._step, self._most, progress=self._progress
+                )
+                self.add(branch, connected=False)
+        return orbits
+
     def has(self, orbit: PeriodicOrbit, value: float) -> bool:
         """Return whether an orbit at a parameter value is on one of the branches."""
-        for number, branch in enumerate(self.branches):
-            if branch.period % orbit.period:
-                continue
-            key = (number, value)
-            if key not in self._orbits:
-                self._orbits[key] = branch.orbits_at(value)
-            for other in self._orbits[key]:
-                apart = np.abs(difference(other.points, orbit.points[0], orbit.coordinates))
-                if (apart <= self._tolerances).all(axis=-1).any():
-                    return True
-        return False
+        return any(
+            self._same(orbit, other)
+            for number, branch in enumerate(self.branches)
+            if branch.period % orbit.period == 0
+            for other in self._at(number, value)
+        )
+
+    def missing(self, orbits: Sequence[PeriodicOrbit], value: float, grid: CellGrid) -> int:
+        """Return how many orbits in the window are on the branches at a value, and not among those found there."""
+        there = [o for number in range(len(self.branches)) for o in self._at(number, value) if _is_regular(o)]
+        inside = [o for o in there if any(is_inside(grid, point) for point in o.points)]
+        return sum(not any(self._same(orbit, other) for orbit in orbits) for other in inside)
+
+    def _at(self, number: int, value: float) -> tuple[PeriodicOrbit, ...]:
+        key = (number, value)
+        if key not in self._orbits:
+            self._orbits[key] = self.branches[number].orbits_at(value)
+        return self._orbits[key]
+
+    def _same(self, orbit: PeriodicOrbit, other: PeriodicOrbit) -> bool:
+        apart = np.abs(difference(other.points, orbit.points[0], orbit.coordinates))
+        return bool((apart <= self._tolerances).all(axis=-1).any())
 
     def add(self, branch: Branch, connected: bool) -> None:
         """Add a branch, and those that leave it at its bifurcations if they are new."""

@@ -29,13 +29,15 @@ _STALLED = 1e-7  # a step below this and one after it that is hardly shorter are
 _RESIDUAL, _AMPLIFIED = 1e-7, 1e-10  # residual of a solution, and the same in units of the largest derivative
 _SHRINKING = 0.75  # those to a double solution get shorter by half, and to a triple one by a third
 _ROUNDING = 1e-15
-_CLOSED = 4e-15  # residual that is rounding
 _SINGULAR = 1e-14  # determinant
 _STABLE = 1.0 - 1e-8
 _UNSTABLE = 1.0 + 1e-3  # largest multiplier from which the derivative of Newton's last step proves a point unstable
 _CHORD = 1e-5  # way, as a part of the resolution, on which a derivative is kept
 _FEW = 4  # dimensions up to which all derivatives cost little more than an image
 _HOPELESS = 1e6  # and from which a guess is in the midst of chaos, and no attracting point is close
+
+ROUNDING = 4e-15
+"""Residual that is rounding, in units of the resolution."""
 
 Equations = Callable[[Ints, Floats], tuple[Floats, Floats]]
 """Returns the residuals (m, d) of some rows (m,) at points (m, d), and their derivatives (m, d, d)."""
@@ -74,7 +76,7 @@ def solutions(
         size = np.abs(residual / scale).max(axis=-1, initial=0.0)
         finite = np.isfinite(size) & np.isfinite(there).all(axis=(-2, -1))
         # A solution at which another one is born has no next step, and needs none.
-        closed = finite & (size <= _CLOSED)
+        closed = finite & (size <= ROUNDING)
         with np.errstate(all="ignore"):
             if damped:
                 foreseen = np.linalg.solve(slopes[active], residual[..., None])[..., 0]

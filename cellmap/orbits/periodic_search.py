@@ -16,7 +16,7 @@ from ..maps.grid import CellGrid, check_volume, grid_points
 from ..maps.orbit_batch import CHUNK, Orbits
 from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
-from .newton import closed_orbit, newton, resolution, solutions
+from .newton import ROUNDING, closed_orbit, newton, resolution, solutions
 from .orbit_equations import OrbitProblem
 from .orbit_kinds import PeriodicOrbit
 from .shooting import ShootingProblem
@@ -26,6 +26,9 @@ _SEGMENTS = 16  # of a step of the map, where it can be divided
 _LARGE_GROWTH = 30.0  # of deviations in a period, from which orbits are looked for in segments as well,
 _FAR = 0.05  # and distance of a solution from its guess, in extents, from which they are too
 _SAME = 1e-7  # distance of points of one orbit, relative to the resolution
+_BESIDE = 0.01  # distance from a known orbit, in the same units, from which a solution may be that orbit,
+_BLURRED = 10.0  # and errors of a solution within which it is: its residual is known in order of magnitude alone
+_FOLLOWED, _PERIODS = 32, 64  # cells whose orbits are followed, and for how long
 
 
 @checked
@@ -111,8 +114,9 @@ def find_periodic_orbits(
 
     The displacement of P^n at the centres of the cells, and its differences between neighbouring cells, give the linear
     step from each centre to the nearest periodic point.  Steps that end near their cell, and cells whose displacement
-    is least among all neighbours, are the initial guesses of a damped Newton method on the exact map.  Orbits whose
-    points are closer than some cells, and those of long periods in chaotic regions, need fine cells.
+    is least among all neighbours, are the initial guesses of a damped Newton method on the exact map.  So are the ends
+    of some orbits after 64 periods, by which attractors are found in coarse cells too.  Orbits whose points are closer
+    than some cells, and those of long periods in chaotic regions, need fine cells.
 
     Parameters
     ----------
@@ -157,30 +161,52 @@ def find_periodic_orbits(
     orbits = Orbits.starting(wrap(centres, point_map.coordinates))
     known = _Known(point_map, extent)
     label = f"periodic orbits of {point_map.name}" if progress else None
+    ends = _ends(point_map, centres)
     for n in range(1, longest + 1):
         run_over(slices(len(orbits), CHUNK), lambda part: point_map.advance(orbits[part], 1), label)
-        guesses = _guesses(point_map, grid, centres, orbits.points)
+        guesses = np.concatenate([_guesses(point_map, grid, centres, orbits.points), ends])
         rounds = np.full(len(guesses), n)
         for part in slices(len(guesses), CHUNK):
             points, settled = newton(point_map, guesses[part], rounds[part], extent, np.inf, damped=True)
             for solution in points[settled]:
-                if solution not in known and _is_inside(grid, solution):
+                if not known.has(solution, n) and is_inside(grid, solution):
                     known.add(closed_orbit(point_map, solution, n, extent))
     order = sorted(known.orbits, key=lambda o: (o.period, -o.unstable, *np.round(o.points[0], 6)))
     return tuple(order)
 
 
+def _ends(point_map: PointMap, centres: Floats) -> Floats:
+    """Return where the orbits of some of the cells are after some periods, those that have not ended."""
+    some = centres[np.linspace(0, len(centres) - 1, min(_FOLLOWED, len(centres))).astype(int)]
+    orbits = Orbits.starting(wrap(some, point_map.coordinates))
+    point_map.advance(orbits, _PERIODS)
+    return orbits.points[orbits.alive]
+
+
 class _Known:
-    """Orbits found so far, and whether a point is on one of them."""
+    """Orbits found so far, and whether a solution is on one of them."""
 
     def __init__(self, point_map: PointMap, extent: Floats) -> None:
         self.orbits: list[PeriodicOrbit] = []
-        self._coordinates, self._extent = point_map.coordinates, extent
+        self._exact, self._coordinates, self._extent = point_map.without_table, point_map.coordinates, extent
         self._points = np.empty((0, point_map.dimension))
 
-    def __contains__(self, point: Floats) -> bool:
-        apart = np.abs(difference(self._points, point, self._coordinates))
-        return bool((apart <= _SAME * resolution(point, self._extent)).all(axis=-1).any())
+    def has(self, point: Floats, period: int) -> bool:
+        """Return whether a solution for some period is on a known orbit, as far as its accuracy can tell.
+
+        At a bifurcation, where several solutions are one, Newton's method ends anywhere near them.
+        """
+        scale = resolution(point, self._extent)
+        apart = np.abs(difference(self._points, point, self._coordinates)) / scale
+        if (apart <= _SAME).all(axis=-1).any():
+            return True
+        apart = apart[(apart <= _BESIDE).all(axis=-1)]
+        if not len(apart):
+            return False
+        image, slopes = tangent(self._exact, point, period)
+        residual = np.abs(difference(image, point, self._coordinates)) / scale + ROUNDING
+        regular = np.linalg.svd((slopes - np.eye(len(point))) / scale[:, None] * scale, compute_uv=False)[-1]
+        return bool((np.linalg.norm(apart, axis=-1) * regular <= _BLURRED * np.linalg.norm(residual)).any())
 
     def add(self, orbit: PeriodicOrbit) -> None:
         self.orbits.append(orbit)
@@ -192,7 +218,8 @@ def _extent(point_map: PointMap, span: Floats) -> Floats:
     return np.where(turn > 0, turn, span)
 
 
-def _is_inside(grid: CellGrid, point: Floats) -> bool:
+def is_inside(grid: CellGrid, point: Floats) -> bool:
+    """Return whether a point (d,) is in a window, or on its border."""
     lower, upper = np.array(grid.lower), np.array(grid.upper)
     slack = 1e-9 * (upper - lower)
     wraps = np.array(grid.wraps)

@@ -43,6 +43,31 @@ def test_an_isola_between_two_values_is_missed() -> None:
     assert len(find_branches(exact, "q", -2.0, 2.0, WINDOW, n_values=9).isolas) == 1
 
 
+def test_an_isola_that_the_second_search_alone_finds_is_told() -> None:
+    """The values of the first search are -1.2361 and 0.7639; the isola is around the one between."""
+    exact = discrete_map(lambda x, p: (x[0] + 0.3 * (0.01 - x[0] ** 2 - (p.q + 0.2) ** 2),), {"q": 0.0}, ("x",))
+    with pytest.warns(UserWarning, match=r"1 of 1 branches, over q=-0\.29\d+ to -0\.10\d+, were found by the second search"):
+        found = find_branches(exact, "q", -2.0, 2.0, WINDOW, n_values=2)
+    assert found.late.tolist() == [True]
+    assert found.missed.tolist() == found.orbits.tolist() == [0, 0]
+
+
+def test_orbits_that_coarse_cells_miss_are_told() -> None:
+    """Fixed points on two circles and a line, as above: one to five at each value, of which eight cells miss one."""
+    exact = discrete_map(
+        lambda x, p: (
+            x[0] + 0.02 * (1 - x[0] ** 2 - p.q**2) * (0.25 - (x[0] - 3) ** 2 - (p.q - 0.5) ** 2) * (x[0] - 4.5),
+        ),
+        {"q": 0.0},
+        ("x",),
+    )
+    with pytest.warns(UserWarning, match=r"orbits on the branches at q=0\.391985 were missed"):
+        found = find_branches(exact, "q", -2.0, 2.0, CellGrid((-2.05,), (5.0,), (8,)), step=0.03)
+    q = found.values
+    expected = 1 + 2 * (np.abs(q) < 1.0) + 2 * (np.abs(q - 0.5) < 0.5)
+    np.testing.assert_array_equal(found.orbits + found.missed, expected)
+
+
 def test_branches_of_the_logistic_map_are_found_once() -> None:
     """The fixed points 0 and 1 - 1/mu, in parts up to 1 and from 1 on, and the doubled orbits from 3 and 1 + sqrt 6."""
     region = CellGrid((-0.21,), (1.2,), (300,))

@@ -229,3 +229,30 @@ def test_a_saddle_is_found_where_deviations_grow_little_at_the_guess(direction: 
     orbit = periodic_orbit(pendulum, [0.5 + 0.006 * np.cos(turned), 0.006 * np.sin(turned)])
     np.testing.assert_allclose(orbit.points, [[0.5, 0.0]], atol=1e-9)
     assert abs(orbit.multipliers[0]) == pytest.approx(exp(4.0 * pi), rel=1e-4)
+
+
+@pytest.mark.parametrize(("r", "periods"), [(3.0, [1, 1]), (3.0 + 1e-7, [1, 1, 2]), (1.0 + 6.0**0.5, [1, 1, 2])])
+def test_orbits_at_a_period_doubling_are_found_once(r: float, periods: list[int]) -> None:
+    """At 3 and 1 + sqrt 6 the logistic map doubles a period: P^2 - x, and P^4 - x, have a triple zero there."""
+    logistic = discrete_map(lambda x, p: (p.r * x[0] * (1.0 - x[0]),), {"r": r}, ("x",))
+    found = find_periodic_orbits(logistic, CellGrid((-0.21,), (1.2,), (300,)), longest_period=4)
+    assert [o.period for o in found] == periods
+    # In the plane, at the period doubling a = 3 (1 - b)^2 / 4 of the Henon map.
+    henon = discrete_map(lambda x, p: (1 - p.a * x[0] ** 2 + x[1], 0.3 * x[0]), {"a": 0.75 * 0.7**2}, ("x", "y"))
+    found = find_periodic_orbits(henon, CellGrid((-3.0, -2.0), (3.0, 2.0), (60, 60)), longest_period=2)
+    assert [o.period for o in found] == [1, 1]
+
+
+def test_an_attractor_in_coarse_cells() -> None:
+    """The one orbit of a weakly forced oscillator with a nonlinear absorber, to which all 1,296 cells converge."""
+
+    def rhs(t: float, s: Any, p: Any) -> Any:
+        force = p.k * (s[0] - s[2]) ** 3 + 0.2 * (s[1] - s[3])
+        return s[1], 0.015 * cos(p.w * t) - s[0] - 0.01 * s[1] - 0.05 * force, s[3], force
+
+    system = ForcedSystem(rhs, {"w": 0.91527864, "k": 4 / 3}, lambda p: 2 * pi / p.w, ("x", "v", "y", "u"))
+    strobe = stroboscopic_map(system, rtol=1e-10, atol=1e-10)
+    (orbit,) = find_periodic_orbits(strobe, CellGrid((-2, -2, -3, -3), (2, 2, 3, 3), (6, 6, 6, 6)))
+    assert np.abs(orbit.multipliers).max() < 1.0
+    settled = strobe.iterate([1.0, 0.0, 1.0, 0.0], 400).points
+    np.testing.assert_allclose(orbit.points[0], settled, atol=1e-8)
