@@ -65,6 +65,11 @@ class Bifurcation:
         return form_at(self._problem, self._unknowns, self.kind)
 
     @property
+    def params(self) -> Mapping[str, float]:
+        """All parameters at the point, in their units."""
+        return self._problem.map_at(self._unknowns).params
+
+    @property
     def orbit(self) -> PeriodicOrbit:
         """The orbit, with all parameters in its `params`."""
         return self._problem.orbit_at(self._unknowns)
@@ -101,7 +106,10 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
     bifurcations : tuple of Bifurcation
         Bifurcations in the order of the branch.
     ends : tuple of str
-        Reasons why the branch ends at its first and at its last point.
+        Reasons why the branch ends at its first and at its last point: "left the interval", "closed", "most points",
+        "bifurcation", from which it has been switched to, or "no convergence"; "grazing" where the orbit touches a
+        surface of impacts, at the last point; "impact at the section" where it has an impact at that time, beyond which
+        the same orbit goes on in a map of another phase.
     point_map : PointMap
         The map, with the parameters of the initial orbit.
     zeros : tuple of FunctionZero

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from .._lib.arrays import Floats
 from ..maps.coordinates import wrap
+from ..maps.grazing import GRAZING as GRAZES
+from ..maps.grazing import contacts
 from ..maps.point_map import PointMap
-from ..orbits.arclength import Box, ContinuationStep, End, SolutionPoint, corrected, trace
+from ..maps.stroboscopic import Stroboscopic
+from ..orbits.arclength import LOST, Box, ContinuationStep, End, SolutionPoint, corrected, trace
 from ..orbits.orbit_equations import OrbitProblem
 from .branch import Bifurcation, Branch, BranchPart
 from .detection import TESTS, Detector, signs
 from .kinds import BifurcationKind
 
 _FIRST_STEP, _NEAREST = 0.02, 1e-12  # first step on a new branch, scaled, and the shortest
-LARGE = "large multipliers"
+LARGE, GRAZING, AT_SECTION = "large multipliers", "grazing", "impact at the section"
+_ON_SURFACE = 1e-6  # value of a guard on its surface, where steps have become as short as 1e-9
+_SEEN, _LOCATED = 10, 1e-9  # last points that tell where orbits graze, and the scaled error of that place
 _BESIDE = 0.37  # part of a step beside an initial point that is a bifurcation
 
 
@@ -66,9 +73,13 @@ class BranchTracer:
         """
         detector, found = self.detector, list[Bifurcation]()
         before, slopes, number = detector.values_at(start), np.zeros(len(TESTS)), 0
+        _, impacts = self._contacts([start])
 
         def visit(step: ContinuationStep, may_refuse: bool) -> End | Literal["refused"] | None:
             nonlocal before, slopes, number
+            # Orbits with one impact more or less are beyond grazing; those that lead to rest are without number.
+            if -np.inf < self._contacts([step.end])[1] != impacts > -np.inf:
+                return "refused"
             after = detector.values_at(step.end).following(before, step, [])
             events, clear = detector.events(step, before, after)
             # A line through the last two values tells where a function heads.
@@ -93,7 +104,55 @@ class BranchTracer:
         places, end = trace(
             problem, start, box, self.longest, self.most, self.label, problem.growing, problem.circles, visit
         )
+        if end in (LOST, LARGE):
+            distance, struck = self._contacts(places[-1:])
+            if (last := self._where_it_grazes(places[-_SEEN:])) is not None:
+                places, end = [*places, last], GRAZING
+            elif end == LOST and struck > -np.inf and abs(distance) <= GRAZES:
+                end = GRAZING
+            elif end == LOST and struck > 0.0 and self._strikes_at_section(places[-1]):
+                end = AT_SECTION
         return BranchSegment(places, found, end)
+
+    def _contacts(self, places: Sequence[SolutionPoint]) -> tuple[Floats, Floats]:
+        """Return how near orbits come to grazing, below 0 for those that touch, and the numbers of their impacts."""
+        problem = self.problem
+        states = np.array([problem.once(place.unknowns * problem.scale) for place in places])
+        return contacts(problem.swept, states, problem.period)
+
+    def _where_it_grazes(self, places: Sequence[SolutionPoint]) -> SolutionPoint | None:
+        """Return the place at which the orbit touches a surface, which is beyond the last ones; None if it does not.
+
+        Unknowns are smooth functions of the distance before the surface, and of its square root, the speed, behind it.
+        They are extrapolated to 0 by Neville's scheme, from no farther than the places reach.
+        """
+        distances = self._contacts(places)[0]
+        distances[~np.isfinite(distances)] = 0.0
+        side = np.sign(distances[-_SEEN // 2 :].sum())  # the last ones are rounding of either sign
+        same = distances * side > 0.0
+        along = np.sqrt(np.abs(distances[same])) if side < 0.0 else distances[same]
+        rows = near = np.array([place.unknowns for place in places])[same]
+        best, error = None, _LOCATED
+        for k in range(1, len(along)):
+            apart = (along[k:] - along[:-k])[:, None]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                finer = (along[k:, None] * rows[:-1] - along[:-k, None] * rows[1:]) / apart
+            errors = np.abs(finer - rows[1:]).max(axis=1)
+            if k > 1 and np.nanmin(errors, initial=np.inf) < error:
+                best, error = finer[np.nanargmin(errors)], float(np.nanmin(errors))
+            rows = finer
+        if best is None or np.linalg.norm(best - near[-1]) > np.linalg.norm(near[-1] - near[0]):
+            return None
+        return replace(places[-1], unknowns=best)
+
+    def _strikes_at_section(self, place: SolutionPoint) -> bool:
+        """Return whether there is an impact at the time of the section, before or after which states are other ones."""
+        orbit = self.problem.orbit_at(place.unknowns)
+        spec = self.point_map.with_params(**orbit.params).spec
+        assert isinstance(spec, Stroboscopic), "other maps know of no impacts"
+        system, time = spec.system, spec.phase * spec.system.length
+        guards = [impact.guard(time, x, system.parameters) for impact in system.impacts for x in orbit.points.tolist()]
+        return bool(min(map(abs, guards)) < _ON_SURFACE)
 
     def clear_start(self, start: SolutionPoint) -> SolutionPoint:
         """Return a point beside the initial one if that is a bifurcation, so that it is passed; else itself."""

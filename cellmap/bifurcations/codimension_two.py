@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import ClassVar, NamedTuple
@@ -101,6 +101,11 @@ class CodimensionTwo:
     place: int
     _problem: SingularOrbits = field(repr=False)
     _unknowns: Floats = field(repr=False)
+
+    @property
+    def params(self) -> Mapping[str, float]:
+        """All parameters at the point, in their units."""
+        return self._problem.orbits.map_at(self._unknowns).params
 
     @property
     def orbit(self) -> PeriodicOrbit:

@@ -71,6 +71,11 @@ class FunctionZero:
         return int(unstable_count(self.multipliers))
 
     @property
+    def params(self) -> Mapping[str, float]:
+        """All parameters at the point, in their units."""
+        return self._problem.map_at(self._unknowns).params
+
+    @property
     def orbit(self) -> PeriodicOrbit:
         """The orbit, with all parameters in its `params`."""
         return self._problem.orbit_at(self._unknowns)

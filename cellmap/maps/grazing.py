@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from .._compiled.codegen.filippov import SwitchingTrace
 from .._compiled.codegen.kernel import traced_switching
-from .._compiled.kernels.grazing import DEPTH, EXTENT, RECORDS
+from .._compiled.kernels.grazing import DEPTH, EXTENT, IMPACTS, RECORDS
 from .._compiled.kernels.lane import COUNT, WATCHED
 from .._lib.arrays import Floats
 from .._lib.checks import whole_number
@@ -15,6 +15,7 @@ from .._lib.signatures import checked
 from .coordinates import state_points, wrap
 from .discrete import Discrete
 from .integration import Flow, in_lanes, out_of_lanes
+from .parameters_as_states import Swept
 from .point_map import PointMap
 from .stroboscopic import Stroboscopic
 
@@ -65,21 +66,31 @@ def grazing_distance(point_map: PointMap, points: ArrayLike, periods: int = 1) -
     """
     exact = point_map.without_table
     places = state_points("points", points, exact.coordinates)
-    number = whole_number("periods", periods)
-    spec = exact.spec
-    if not isinstance(spec, Stroboscopic):
-        return np.full(places.shape[:-1], np.inf if isinstance(spec, Discrete) else np.nan)
-    traced = _surfaces(spec)
-    if traced is None and spec.motion.unknown_formulas:
-        return np.full(places.shape[:-1], np.nan)
-    found = np.full(places[..., 0].size, np.inf)
-    matters = [] if traced is None else _where_flows_differ(traced)
-    if any(matters):
-        flat = places.reshape(-1, exact.dimension)
-        for _ in range(number):
-            flat, distances = _watched(spec.motion, wrap(flat, exact.coordinates))
-            found = np.minimum(found, distances[:, matters].min(axis=1))
-    return np.asarray(found.reshape(places.shape[:-1]))
+    return np.abs(contacts(exact, places, whole_number("periods", periods))[0])
+
+
+def contacts(exact: PointMap, points: Floats, periods: int) -> tuple[Floats, Floats]:
+    """Return how near orbits come to grazing (...), and their impacts (...), minus infinity where they rest.
+
+    The distance is that of :func:`grazing_distance`, below 0 where the surface is passed.
+    """
+    spec = exact.spec.vectorised if isinstance(exact.spec, Swept) else exact.spec
+    flat = points.reshape(-1, exact.dimension)
+    nearest, impacts = np.full(len(flat), np.inf), np.zeros(len(flat))
+    if isinstance(spec, Stroboscopic):
+        traced = _surfaces(spec)
+        matters = [] if traced is None else _where_flows_differ(traced)
+        if traced is None and spec.motion.unknown_formulas:
+            nearest[:] = np.nan
+        for _ in range(periods if any(matters) else 0):
+            flat, distances, struck = _watched(spec.motion, wrap(flat, exact.coordinates))
+            own = distances[:, matters]
+            least = np.take_along_axis(own, np.abs(own).argmin(axis=1)[:, None], axis=1)[:, 0]
+            nearest = np.where(np.abs(nearest) < np.abs(least), nearest, least)
+            impacts += struck.sum(axis=1)
+    elif not isinstance(spec, Discrete):
+        nearest[:] = np.nan
+    return nearest.reshape(points.shape[:-1]), impacts.reshape(points.shape[:-1])
 
 
 def _surfaces(spec: Stroboscopic) -> SwitchingTrace | None:
@@ -97,8 +108,8 @@ def _where_flows_differ(traced: SwitchingTrace) -> list[bool]:
     return [i is not None or not all(e.vanishes for e in jump) for i, jump in zip(struck, traced.jumps, strict=True)]
 
 
-def _watched(motion: Flow, points: Floats) -> tuple[Floats, Floats]:
-    """Return images (n, d) of points, and how near they come to each surface, shape (n, surfaces)."""
+def _watched(motion: Flow, points: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return images (n, d) of points, and how near they come to each surface and strike it, shape (n, surfaces)."""
     n = len(points)
     context = motion.kernel.advance.context.copy()
     kept = np.zeros((n, int(context[COUNT]), RECORDS))
@@ -114,4 +125,4 @@ def _watched(motion: Flow, points: Floats) -> tuple[Floats, Floats]:
     ended = ~(out_of_lanes(errors, n) < 1e300).all(axis=1)
     distances = kept[..., DEPTH] / np.maximum(kept[..., EXTENT], 1e-300)
     distances[ended | ~np.isfinite(images).all(axis=1)] = np.nan
-    return images, distances
+    return images, distances, kept[..., IMPACTS]

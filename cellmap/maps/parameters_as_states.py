@@ -77,12 +77,13 @@ class Swept(MapSpec[PointMap]):
     names: tuple[str, ...]
 
     @computed_once
-    def _vectorised(self) -> MapSpec[PointMap] | None:
+    def vectorised(self) -> MapSpec[PointMap] | None:
+        """The specification with the parameters appended to the state, where the formulas are known."""
         return self.exact.specified.swept(self.names)
 
     def make(self) -> PointMap:
         """Return the map, without its specification."""
-        found = self._vectorised
+        found = self.vectorised
         return _row_by_row(self.exact, self.names) if found is None else found.make()
 
     def with_params(self, params: Mapping[str, float]) -> Swept:
@@ -91,19 +92,19 @@ class Swept(MapSpec[PointMap]):
 
     def swept(self, names: tuple[str, ...]) -> MapSpec[PointMap] | None:
         """Return the specification with some parameters appended to the state, where the formulas are known."""
-        found = self._vectorised
+        found = self.vectorised
         return None if found is None else found.swept(names)
 
     def curve_step(
         self, order: int, finer: bool = False, part: tuple[int, int] = (0, 1)
     ) -> Callable[[Orbits], None] | None:
         """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown."""
-        found = self._vectorised
+        found = self.vectorised
         return None if found is None else found.curve_step(order, finer, part)
 
     def parts(self, count: int) -> tuple[Callable[..., tuple[Any, Any]], ...] | None:
         """Return the tangent maps of equal parts of a step, one after the other; None where it cannot be divided."""
-        found = self._vectorised
+        found = self.vectorised
         return None if found is None else found.parts(count)
 
     @property

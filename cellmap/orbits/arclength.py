@@ -24,6 +24,7 @@ _ROUNDING = 1e-8  # if the residual is
 _SHRINKING = 0.75  # or less, as from half to half where two solutions are close together
 _STRAIGHT = 0.95  # cosine of the angle between neighbouring tangents from which a step was too long
 _SHORTEST = 1e-9
+LOST = "no convergence"
 _REPEATED = 0.43  # no power of it leads back to round numbers
 _ALIGNED = 0.9  # cosine of the angle between tangents of one curve at one place
 _REFUSALS = 6  # halvings of a step that is refused, or on which the edge of the box is not located
@@ -321,7 +322,7 @@ def trace(
             if len(places) > most:
                 return places, "most points"
             step = _following(ahead, refused=False)
-    return places, "no convergence"
+    return places, LOST
 
 
 def both_ways(

@@ -59,6 +59,7 @@ def test_curves_of_peaks_and_of_equal_amplitude(linear: Branch) -> None:
     np.testing.assert_allclose((1.0 - w**2) ** 2 + (b * w) ** 2, 0.25, rtol=0, atol=1e-11)
     levels = levels.with_zeros({"w=1": lambda t, x, p: p.w - 1.0})
     assert levels.zeros[0].values == pytest.approx([1.0, 0.5], abs=1e-11)
+    assert levels.zeros[0].params == levels.zeros[0].orbit.params == pytest.approx({"w": 1.0, "b": 0.5})
     ax = plot.bifurcation_curves([levels, peaks])
     assert [t.get_text() for t in ax.texts] == ["w=1"]
     plt.close("all")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from math import cos, pi, sqrt
+from math import cos, pi, sin, sqrt
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
-from cellmap import CellGrid, ForcedSystem, discrete_map, find_basins, stroboscopic_map
+from cellmap import CellGrid, ForcedSystem, continue_orbit, discrete_map, find_basins, stroboscopic_map
 from cellmap.basins import load_basins, save_basins
 from cellmap.maps import Impact, grazing_distance, jacobian, section_map
 from cellmap.orbits import periodic_orbit
@@ -97,3 +99,94 @@ def test_maps_without_surfaces():
     assert grazing_distance(stroboscopic_map(smooth), [[1.0, 0.0]] * 3).tolist() == [np.inf] * 3
     assert grazing_distance(discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",)), [1.0]) == np.inf
     assert np.isnan(grazing_distance(section_map(smooth, ("v", 0.0, -1)), [1.0]))
+
+
+# --- branches that end at grazing
+
+
+AT_ONE = Impact(lambda t, x, p: 1.0 - x[0], lambda t, x, p: (x[0], -p.e * x[1]))
+MOVING = Impact(
+    lambda t, x, p: 1.0 + 0.3 * sin(p.w * t) - x[0],
+    lambda t, x, p: (x[0], (1 + p.e) * 0.3 * p.w * cos(p.w * t) - p.e * x[1]),
+)
+SLOWED = Impact(lambda t, x, p: 0.8 - x[1], lambda t, x, p: (x[0], 0.4))
+STIFFNESS = 1 - 0.7**2 + 0.1j * 0.7  # force over displacement at the frequency 0.7
+
+
+def struck(impact):
+    def rhs(t, x, p):
+        return x[1], p.F * cos(p.w * t) - 0.1 * x[1] - x[0]
+
+    return ForcedSystem(rhs, {"F": 0.2, "w": 0.7, "e": 0.8}, lambda p: 2 * pi / p.w, ("x", "v"), impacts=[impact])
+
+
+@pytest.mark.parametrize(
+    ("impact", "force"),
+    [
+        (AT_ONE, abs(STIFFNESS)),
+        (MOVING, brentq(lambda f: abs(f / STIFFNESS + 0.3j) - 1.0, 0.2, 1.0, xtol=1e-14)),
+        (SLOWED, 0.8 / 0.7 * abs(STIFFNESS)),
+    ],
+)
+def test_a_branch_ends_where_its_orbit_begins_to_touch(impact, force):
+    """The linear response, in closed form, reaches a wall, one that moves, and a bound of the velocity."""
+    exact = stroboscopic_map(struck(impact), rtol=1e-11, atol=1e-11)
+    branch = continue_orbit(exact, periodic_orbit(exact, [0.4, 0.0]), "F", 0.1, 0.7, step=0.1)
+    assert branch.ends == ("left the interval", "grazing")
+    assert branch.values[-1] == pytest.approx(force, rel=1e-12)
+    assert branch.orbit(len(branch.values) - 1).grazes
+
+
+def test_a_branch_ends_where_its_orbit_loses_contact_and_where_an_impact_comes_to_the_section():
+    """The orbit with one impact grazes at the force at which the linear response does."""
+    exact = stroboscopic_map(struck(AT_ONE), rtol=1e-11, atol=1e-11).with_params(F=0.55)
+    branch = continue_orbit(exact, periodic_orbit(exact, exact.iterate([0.2, 0.3], 400).points), "F", 0.2, 1, step=0.1)
+    assert branch.ends == ("grazing", "impact at the section")
+    assert branch.values[0] == pytest.approx(abs(STIFFNESS), rel=1e-8)
+    assert branch.points[-1, 0] == pytest.approx(1.0, abs=1e-7)
+    assert 0.52 < branch.bifurcations[0].value < 0.53
+
+
+def test_an_orbit_with_a_deep_impact_ends_where_it_comes_to_the_wall_once_more():
+    """Between its impacts the orbit at the end turns round at the wall, by SciPy's events at 1e-12."""
+    system = struck(AT_ONE)
+    exact = stroboscopic_map(system, rtol=1e-11, atol=1e-11).with_params(F=1.2)
+    branch = continue_orbit(
+        exact, periodic_orbit(exact, exact.iterate([0.2, 0.3], 400).points), "F", 0.5, 1.5, step=0.1
+    )
+    assert branch.ends == ("grazing", "left the interval")
+    moved = system.with_params(F=branch.values[0])
+
+    def deep(t, x):
+        return 1.0 - x[0] if x[1] > 0.1 else 1.0
+
+    def turns(t, x):
+        return x[1]
+
+    deep.terminal, turns.direction = True, -1
+    t, x, reached = 0.0, branch.points[0], []
+    while t < moved.length:
+        part = solve_ivp(moved.fun, (t, moved.length), x, "DOP853", events=(deep, turns), rtol=1e-12, atol=1e-13)
+        t, x = part.t[-1], part.y[:, -1] * ((1.0, -0.8) if part.status else (1.0, 1.0))
+        reached.extend(part.y_events[1])
+    assert x == pytest.approx(branch.points[0], abs=1e-7)
+    assert max(reached, key=lambda state: state[0]) == pytest.approx([1.0, 0.0], abs=1e-8)
+
+
+@pytest.mark.parametrize("force", [0.3, 1.0])
+def test_branches_on_both_sides_of_the_onset_of_sliding_end_there(force):
+    """A belt faster than the mass on it, until the linear response reaches its speed: then the mass sticks to it."""
+    system = ForcedSystem(
+        lambda t, x, p, s: (x[1], p.F * cos(p.w * t) - 0.1 * x[1] - x[0] - 0.3 * s[0]),
+        {"F": force, "w": 0.7},
+        lambda p: 2 * pi / p.w,
+        ("x", "v"),
+        switches=lambda t, x, p: (x[1] - 1.0,),
+    )
+    exact = stroboscopic_map(system, rtol=1e-11, atol=1e-11)
+    branch = continue_orbit(
+        exact, periodic_orbit(exact, exact.iterate([0.2, 0.3], 200).points), "F", 0.2, 1.2, step=0.1
+    )
+    ends = dict(zip(branch.ends, branch.values[[0, -1]], strict=True))
+    assert ends.keys() == {"left the interval", "grazing"}
+    assert ends["grazing"] == pytest.approx(abs(STIFFNESS) / 0.7, abs=1e-8)

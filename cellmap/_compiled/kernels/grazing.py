@@ -7,12 +7,13 @@ import numpy as np
 from ..loops import inlined
 from .blocks import LANES
 from .events import load_event
-from .lane import COUNTS
+from .lane import COUNTS, STRIKES
 
-DEPTH, EXTENT = range(2)
-"""What is kept for a surface: the least depth of a turning point, and the largest distance from the surface."""
+DEPTH, EXTENT, IMPACTS = range(3)
+"""What is kept for a surface: the least depth of a turning point, below 0 behind the surface; the largest distance from
+the surface; and the number of impacts, minus infinity where a state rests."""
 
-RECORDS = 2
+RECORDS = 3
 
 _PARTS = 16  # of a step, in each of which a turning point is looked for
 _HALVINGS = 60
@@ -37,6 +38,8 @@ def watch(system, series, lane, event, until, records):
     """
     a, size, order = event.series, lane.state.size, system.order
     for e in range(lane.slides.size):
+        if system.kinds[e] >= STRIKES:
+            records[RECORDS * e + IMPACTS] += -np.inf if lane.slides[e] > 0.0 else event.hits[e]
         if lane.slides[e] > 0.0 or system.kinds[e] == COUNTS:
             continue
         if not load_event(series[(size + e) * (order + 1) * LANES :], 0.0, 1.0, 0, a, order + 1) < np.inf:
@@ -59,9 +62,10 @@ def watch(system, series, lane, event, until, records):
                         left = middle
                     else:
                         right = middle
-                kept[DEPTH] = min(kept[DEPTH], abs(value))
+                if abs(value) < abs(kept[DEPTH]):
+                    kept[DEPTH] = abs(value)
                 value, slope, bend = _with_slopes(a, order, high)
             low = high
         value, slope, bend = _with_slopes(a, order, until)
-        if event.hits[e] > 0.0 and slope <= 0.0 and bend > 0.0:
-            kept[DEPTH] = min(kept[DEPTH], 0.5 * slope * slope / bend)
+        if event.hits[e] > 0.0 and slope <= 0.0 and bend > 0.0 and 0.5 * slope * slope < bend * abs(kept[DEPTH]):
+            kept[DEPTH] = -0.5 * slope * slope / bend
