@@ -20,7 +20,7 @@ import numpy as np
 
 from .evaluation import evaluated
 from .expression import Comparison, Expression, Graph, ImpureError, UndefinedError, UntraceableError, in_order
-from .pieces import BY_SERIES, LOCATED, PIECES, is_made_of_steps, moves
+from .pieces import BY_SERIES, LOCATED, PIECES, is_made_of_steps, is_number, moves
 
 MOST_PATHS = 256
 MOST_SWITCHES = 24
@@ -52,7 +52,7 @@ class BranchingGraph(Graph):
     """A graph in which comparisons have answers: those that are given first, then yes.
 
     With `modes`, signs that depend on state or time are inputs; then h and -h share a switch.  Without, signs stand for
-    themselves, and equality falls on the side that the comparison says.
+    themselves, equality falls on the side that the comparison says, and no comparison with NaN holds.
     """
 
     def __init__(self, modes: bool) -> None:
@@ -68,11 +68,22 @@ class BranchingGraph(Graph):
         self._met: list[Met] = []
         self._answers: Sequence[bool] = ()
 
-    def answer(self, function: Expression) -> bool:
-        """Decide in this run whether an expression is positive."""
+    def answer(self, function: Expression, strictly: bool = True) -> bool:
+        """Decide in this run whether an expression is positive or, if not `strictly`, zero."""
         if function.operation == "constant":
-            return bool(function.value > 0.0)
-        return self._side(*self._switch(function, False))
+            return bool(function.value > 0.0 or (function.value == 0.0 and not strictly))
+        return self._side(*self._condition(function, strictly))
+
+    def _condition(self, function: Expression, strictly: bool) -> tuple[int, int]:
+        """Return the number of the switch of a condition, and the factor +-1 between both."""
+        if strictly or not (self.modes and moves(function)):
+            return self._switch(function, "side" if strictly else "reached")
+        number, factor = self._switch(self._reversed(function), "side")
+        return number, -factor
+
+    def _reversed(self, function: Expression) -> Expression:
+        """Return an expression with the other sign: of a difference that of its operands in the other order."""
+        return self.minus(*reversed(function.arguments)) if function.operation == "sub" else self.apply("neg", function)
 
     def _side(self, number: int, factor: int) -> bool:
         before = [yes for n, yes in self._met if n == number and yes is not None]
@@ -83,23 +94,31 @@ class BranchingGraph(Graph):
         self._met.append((number, yes))
         return yes is (factor > 0)
 
-    def choose(self, function: Expression, a: Any, b: Any) -> Expression:
-        """Return a where an expression is positive, else b."""
+    def choose(self, function: Expression, a: Any, b: Any, *, strictly: bool = True) -> Expression:
+        """Return a where an expression is positive or, if not `strictly`, zero; else b, where it is NaN too."""
         sides = (self.lift(a), self.lift(b))
         if function.operation == "constant":
-            return sides[0] if function.value > 0.0 else sides[1]
-        number, factor = self._switch(function, False)
+            return sides[0] if self.answer(function, strictly) else sides[1]
+        number, factor = self._condition(function, strictly)
         if self.conditions[number] in self.followed:
-            return sides[0] if self._side(number, factor) else sides[1]
-        return self.selection(self.switches[number].sign, *(sides if factor > 0 else sides[::-1]))
+            chosen = sides[0] if self._side(number, factor) else sides[1]
+        else:
+            chosen = self.selection(self.switches[number].sign, *(sides if factor > 0 else sides[::-1]))
+        return self.where_defined(function, chosen, sides[1]) if self.switches[number].is_mode else chosen
+
+    def where_defined(self, function: Expression, a: Expression, b: Expression) -> Expression:
+        """Return a where an expression is a number, b where it is NaN."""
+        if is_number(function, self.modes) or a is b:
+            return a
+        return self.plain("select", self.plain("defined", function), a, b)
 
     def whole_part(self, a: Expression) -> Expression:
         """Return the largest whole number that is not above an expression."""
-        return self.switches[self._switch(a, True)[0]].sign
+        return self.switches[self._switch(a, "floor")[0]].sign
 
     def compare(self, a: Any, b: Any, *, strictly: bool) -> Comparison:
-        """Return the comparison a > b, or a >= b, which holds where b > a does not."""
-        return Comparison(self, self.difference(a, b) if strictly else self.difference(b, a), strictly)
+        """Return the comparison a > b, or a >= b."""
+        return Comparison(self, self.difference(a, b), strictly)
 
     def difference(self, a: Any, b: Any) -> Expression:
         """Subtract expressions or numbers."""
@@ -146,7 +165,7 @@ class BranchingGraph(Graph):
 
     def add_switch(self, function: Expression) -> Expression:
         """Add a switching function that is given; return the input of its sign."""
-        return self.switches[self._new(function, False)].sign
+        return self.switches[self._new(function, "side")].sign
 
     def trace_paths(self, run: Callable[[], Sequence[Any]]) -> tuple[Expression, ...]:
         """Run a function for all sequences of answers and return its results as one.
@@ -189,7 +208,10 @@ class BranchingGraph(Graph):
             own = self.switches[i]
             rest = _at_rest(self, own)
             where = [((own.function if any(n == i for n, _ in met) else rest,), met) for _, met in runs]
-            self.switches[i] = replace(own, function=self._joined(where, 0, rest)[0])
+            joined_function = self._joined(where, 0, rest)[0]
+            if own.is_mode:  # where its function is NaN there is no event
+                joined_function = self.where_defined(self.conditions[i], joined_function, rest)
+            self.switches[i] = replace(own, function=joined_function)
         return joined
 
     def _joined(
@@ -213,33 +235,35 @@ class BranchingGraph(Graph):
             for a, b in pairs
         )
 
-    def _switch(self, function: Expression, counts: bool) -> tuple[int, int]:
+    def _switch(self, function: Expression, operation: str) -> tuple[int, int]:
         """Return the number of the switch of an expression, and the factor +-1 between both; make it if need be.
 
         What changes in steps alone may be zero for a time: the surface is moved off there, to the side that the
         comparison says.
         """
+        counts, turns = operation == "floor", self.modes and operation == "side" and moves(function)
         if self.modes and is_made_of_steps(function):
             function = self.plain("add", function, _BETWEEN_STEPS if counts else -_BETWEEN_STEPS)
         forms = [(function, 1)]
-        if self.modes and not counts:
+        if turns:
             forms.append((self.plain("neg", function), -1))
             if function.operation == "sub":
                 forms.append((self.plain("sub", *reversed(function.arguments)), -1))
         for form, factor in forms:
             for number, switch in enumerate(self.switches):
-                if switch.counts == counts and (switch.function is form or (switch.sign is form and not counts)):
+                alike = switch.counts == counts and (switch.is_mode or switch.sign.operation == operation)
+                if alike and (switch.function is form or (switch.sign is form and not counts)):
                     self._met.append((number, None))
                     return number, factor
-        if self.modes and not counts:
+        if turns:
             for number, condition in enumerate(self.conditions):
                 ratio = 0.0 if self.switches[number].counts else _ratio(function, condition)
                 if ratio != 0.0:
                     self._met.append((number, None))
                     return number, 1 if ratio > 0.0 else -1
-        return self._new(function, counts), 1
+        return self._new(function, operation), 1
 
-    def _new(self, function: Expression, counts: bool) -> int:
+    def _new(self, function: Expression, operation: str) -> int:
         number = len(self.switches)
         if number >= MOST_SWITCHES:
             raise UntraceableError(
@@ -249,8 +273,8 @@ class BranchingGraph(Graph):
         if self.modes and moves(function):
             sign = self.node("sign", value=sum(s.is_mode for s in self.switches))
         else:
-            sign = self.plain("floor" if counts else "side", function)
-        self.switches.append(Switch(sign, function, counts))
+            sign = self.plain(operation, function)
+        self.switches.append(Switch(sign, function, operation == "floor"))
         self.conditions.append(function)
         self._met.append((number, None))
         return number

@@ -74,12 +74,15 @@ def elsewhere(series: Series, events: Sequence[Sequence[Value]]) -> tuple[dict[i
     for at in _PLACES if any(n.arguments for n in wanted) else ():
         time = t + at * h
         states = [_sum([(1.0, c) for c in series.states[j]], at) for j in range(len(rates))]
-        known = {n: series.first(n) for n in wanted if not structure.moves(n)}
-        known |= {n: time if n.operation == "time" else states[n.value] for n in wanted if n.operation in _INPUTS}
-        known = evaluate(series.out, moving, known, STATEFUL)
+        start = {n: series.first(n) for n in wanted if not structure.moves(n)}
+        start |= {n: time if n.operation == "time" else states[n.value] for n in wanted if n.operation in _INPUTS}
+        known = evaluate(series.out, moving, start, STATEFUL)
         for j in chosen:
             slope = _sum([(float(k), c) for k, c in enumerate(series.states[j]) if k], at)
             defects[j].append(abs(slope - h * known[rates[j]]))
+        # Events of a function without a value, where a step begins, are looked for in the next one.
+        if fixed := {n: series.first(n) for n in moving if n.operation == "defined"}:
+            known = evaluate(series.out, [n for n in moving if n not in fixed], start | fixed, STATEFUL)
         for e in hidden:
             gaps[e].append(abs(_sum([(1.0, c) for c in events[e]], at) - known[functions[e]]))
     found = {j: _WEIGHT * simd_math.fmax(*both) for j, both in defects.items()}

@@ -130,7 +130,7 @@ def _rule(graph: Graph, node: Expression, inner: list[Expression | None]) -> Exp
             return apply("select", a, *sides)
         case "neg":
             return None if da is None else apply("mul", -1.0, da)
-        case "side" | "floor" | "trunc" | "sign" | "floordiv":
+        case "side" | "reached" | "defined" | "floor" | "trunc" | "sign" | "floordiv":
             return None
         case "fabs":
             return None if da is None else apply("mul", da, apply("copysign", 1.0, a))

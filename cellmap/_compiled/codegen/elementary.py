@@ -14,7 +14,7 @@ from .expression import Comparison, Expression, operation_on_numbers
 from .functions import TABLE
 from .tables import interpolated
 
-_OF_ANY_NUMBER = {"fmin", "fmax", "hypot"}
+_OF_ANY_NUMBER = {"min", "max", "hypot"}
 
 
 def elementary_functions() -> dict[str, Callable[..., Any]]:
@@ -90,13 +90,12 @@ _COMPOSED: dict[str, Callable[..., Any]] = {
     "print": _printed,
     "fsum": sum,
     "pow": lambda base, exponent: base**exponent,
-    "clip": lambda value, low, high: _KNOWN["fmin"](_KNOWN["fmax"](value, low), high),
-    "heaviside": lambda value, at_zero: _where(value > 0.0, 1.0, _where(value < 0.0, 0.0, at_zero)),
+    "clip": lambda value, low, high: _KNOWN["minimum"](_KNOWN["maximum"](value, low), high),
     "polyval": lambda coefficients, value: functools.reduce(lambda s, c: s * value + c, coefficients, 0.0),
-    "logaddexp": lambda a, b: _KNOWN["fmax"](a, b) + _KNOWN["log1p"](_KNOWN["exp"](-_KNOWN["fabs"](a - b))),
+    "logaddexp": lambda a, b: _KNOWN["maximum"](a, b) + _KNOWN["log1p"](_KNOWN["exp"](-_KNOWN["fabs"](a - b))),
     "degrees": lambda angle: angle * (180.0 / math.pi),
     "radians": lambda angle: angle * (math.pi / 180.0),
-    "signbit": lambda value: _where(value < 0.0, 1.0, 0.0),
+    "signbit": lambda value: _where(_KNOWN["copysign"](1.0, value) < 0.0, 1.0, 0.0),
     "dist": lambda a, b: _norm([u - v for u, v in zip(a, b, strict=True)]),
 }
 """Functions that are written with elementary ones."""

@@ -20,6 +20,8 @@ _WRITTEN: dict[str, Callable[..., Value]] = {
     **ARITHMETIC,
     "select": lambda sign, a, b: where(sign > 0.0, a, b),
     "side": lambda a: where(a > 0.0, 1.0, -1.0),
+    "reached": lambda a: where(a >= 0.0, 1.0, -1.0),
+    "defined": lambda a: where(a.equals(a), 1.0, -1.0),
     "floordiv": simd_math.floordiv,
 }
 """Operations that are no elementary functions; powers are those of the C library."""

@@ -19,6 +19,8 @@ _OF_ARRAYS: dict[str, Callable[..., Any]] = {
     **ARITHMETIC,
     "select": lambda sign, a, b: np.where(sign > 0.0, a, b),
     "side": lambda a: np.where(a > 0.0, 1.0, -1.0),
+    "reached": lambda a: np.where(a >= 0.0, 1.0, -1.0),
+    "defined": lambda a: np.where(np.isnan(a), -1.0, 1.0),
     "floordiv": np.floor_divide,
     "sqrt": lambda a: np.sqrt(_at_border(a)),
     "pow": lambda a, b: np.power(_at_border(a), b),

@@ -8,9 +8,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache, reduce
 from typing import Any
 
+import numpy as np
+
 from .functions import TABLE
 
-JUMPING = frozenset({"side", "floor", "fabs", "trunc", "copysign", "mod", "fmod", "floordiv"})
+JUMPING = frozenset({"side", "reached", "floor", "fabs", "trunc", "copysign", "mod", "fmod", "floordiv"})
 """Operations with kinks or jumps that are no selections."""
 
 ARITHMETIC: dict[str, Callable[..., Any]] = {
@@ -25,15 +27,21 @@ ARITHMETIC: dict[str, Callable[..., Any]] = {
 _FOLD: dict[str, Callable[..., float]] = {
     **ARITHMETIC,
     "pow": operator.pow,
-    "fmin": min,
-    "fmax": max,
+    "min": min,
+    "max": max,
+    **{name: getattr(np, name) for name in ("minimum", "maximum", "fmin", "fmax", "sign", "heaviside")},
     "mod": operator.mod,
     "floordiv": operator.floordiv,
-    "sign": lambda a: float(a > 0.0) - float(a < 0.0),
     "side": lambda a: 1.0 if a > 0.0 else -1.0,
+    "reached": lambda a: 1.0 if a >= 0.0 else -1.0,
+    "defined": lambda a: 1.0 if a == a else -1.0,
     "select": lambda sign, a, b: a if sign > 0.0 else b,
 }
-"""Operations without their like in :mod:`math`.  ``side`` is a sign, -1 at zero; ``select`` chooses by one."""
+"""Operations without their like in :mod:`math`.
+
+``side`` is a sign, -1 at zero, and ``reached`` one that is 1 there; of NaN both are -1, and ``defined`` is for nothing
+else.  ``select`` chooses by a sign.
+"""
 
 
 def operation_on_numbers(name: str) -> Callable[..., float]:
@@ -142,15 +150,18 @@ class Expression:
 
 
 class Comparison:
-    """A comparison a > b, or a >= b, of expressions: a branch that asks for its truth, or one or nought as a number."""
+    """A comparison a > b, or a >= b, of expressions: a branch that asks for its truth, or one or nought as a number.
 
-    __slots__ = ("difference", "graph", "strictly")
+    Neither holds of NaN; one that is `inverted` then does.
+    """
 
-    def __init__(self, graph: Any, difference: Expression, strictly: bool) -> None:
-        self.graph, self.difference, self.strictly = graph, difference, strictly
+    __slots__ = ("difference", "graph", "inverted", "strictly")
+
+    def __init__(self, graph: Any, difference: Expression, strictly: bool, inverted: bool = False) -> None:
+        self.graph, self.difference, self.strictly, self.inverted = graph, difference, strictly, inverted
 
     def __bool__(self) -> bool:
-        return self.graph.answer(self.difference) is self.strictly
+        return self.graph.answer(self.difference, self.strictly) is not self.inverted
 
     def __and__(self, other: Any) -> bool:
         return bool(self) and bool(other)
@@ -159,13 +170,14 @@ class Comparison:
         return bool(self) or bool(other)
 
     def __invert__(self) -> Comparison:
-        return Comparison(self.graph, self.difference, not self.strictly)
+        return Comparison(self.graph, self.difference, self.strictly, not self.inverted)
 
     __rand__, __ror__ = __and__, __or__
 
     def choose(self, a: Any, b: Any) -> Expression:
         """Return a where the comparison holds, else b."""
-        chosen: Expression = self.graph.choose(self.difference, *((a, b) if self.strictly else (b, a)))
+        sides = (b, a) if self.inverted else (a, b)
+        chosen: Expression = self.graph.choose(self.difference, *sides, strictly=self.strictly)
         return chosen
 
 
@@ -314,7 +326,8 @@ def ordered(outputs: tuple[Expression, ...]) -> tuple[Expression, ...]:
 def has_series(operation: str) -> bool:
     """Tell whether an operation has a power series wherever it is defined."""
     known = TABLE.get(operation)
-    return operation in ARITHMETIC or operation in {"pow", "select"} if known is None else known.domain is not None
+    written = operation in ARITHMETIC or operation in {"pow", "select", "defined"}
+    return written if known is None else known.domain is not None
 
 
 def is_analytic(outputs: Sequence[Expression]) -> bool:

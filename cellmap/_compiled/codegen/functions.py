@@ -124,11 +124,16 @@ TABLE: dict[str, Elementary] = {
     "trunc": Elementary(kernel="trunc"),
     "copysign": Elementary(kernel="copysign"),
     # Those of the C library are others, slower, or not there.
-    "fmin": Elementary(kernel=simd_math.fmin, shared=True),
-    "fmax": Elementary(kernel=simd_math.fmax, shared=True),
+    "min": Elementary(kernel=simd_math.fmin, shared=True),
+    "max": Elementary(kernel=simd_math.fmax, shared=True),
     "mod": Elementary(kernel=simd_math.mod, shared=True, numpy="remainder"),
     "fmod": Elementary(kernel=simd_math.fmod, shared=True),
+    "minimum": Elementary(numpy="minimum"),
+    "maximum": Elementary(numpy="maximum"),
+    "fmin": Elementary(numpy="fmin"),
+    "fmax": Elementary(numpy="fmax"),
     "sign": Elementary(numpy="sign"),
+    "heaviside": Elementary(numpy="heaviside"),
 }
 """All of them."""
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from .expression import Expression, in_order
-from .functions import TABLE
+from .functions import ANYWHERE, TABLE
 
 BranchingGraph = Any
 """That of :mod:`cellmap._compiled.codegen.branches`, which reads what is here."""
@@ -25,14 +25,52 @@ def is_made_of_steps(function: Expression) -> bool:
     return {e.operation for e in in_order([function])} & MOVING == {"sign"}
 
 
+_EVERYWHERE = frozenset({"add", "sub", "mul", "neg", "select", "side", "reached", "defined", "fabs", "copysign"})
+
+
+def is_number(function: Expression, modes: bool) -> bool:
+    """Whether an expression has a value at all states: an input does, and in a motion what is defined everywhere.
+
+    A motion ends before its states are so large that sums and products of them are not finite.
+    """
+    for e in in_order([function]):
+        known = TABLE.get(e.operation)
+        everywhere = e.operation in _EVERYWHERE or (known is not None and known.domain == ANYWHERE)
+        if e.value != e.value or (e.arguments and not (modes and everywhere)):
+            return False
+    return True
+
+
+def _python_rule(larger: bool) -> Rule:
+    """Return Python's choice: the second operand if it is larger, or smaller, else the first."""
+    return lambda graph, a, b: graph.choose(graph.difference(*((b, a) if larger else (a, b))), b, a)
+
+
+def _numpy_rule(larger: bool, keep: bool) -> Rule:
+    """Return NumPy's choice: of NaN and a number the NaN, if it is to be kept, else the number."""
+
+    def chosen(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
+        if not is_number(a if keep else b, graph.modes):
+            a, b = b, a  # a comparison with NaN takes the second
+        found = graph.choose(graph.difference(*((a, b) if larger else (b, a))), a, b)
+        return graph.where_defined(a, found, a) if keep else graph.where_defined(b, found, a)
+
+    return chosen
+
+
 def _copysign(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
     size = graph.apply("fabs", a)
     return graph.choose(graph.apply("neg", b), graph.apply("neg", size), size)  # positive at zero
 
 
 def _sign(graph: BranchingGraph, a: Expression) -> Expression:
-    at_most_zero = -1.0 if graph.modes and not is_made_of_steps(a) else graph.choose(graph.apply("neg", a), -1.0, 0.0)
-    return graph.choose(a, 1.0, at_most_zero)
+    return _heaviside(graph, a, graph.constant(0.0), -1.0)
+
+
+def _heaviside(graph: BranchingGraph, a: Expression, at_zero: Expression, below: float = 0.0) -> Expression:
+    passes = graph.modes and not is_made_of_steps(a)  # a motion only passes through zero
+    at_most_zero = below if passes else graph.choose(graph.apply("neg", a), below, at_zero)
+    return graph.where_defined(a, graph.choose(a, 1.0, at_most_zero), a)
 
 
 def _negative_of_whole_part(graph: BranchingGraph, a: Expression) -> Expression:
@@ -77,9 +115,14 @@ BY_SERIES["pow"] = _power
 """Operations in terms of those that have recurrences of series."""
 
 PIECES: dict[str, Rule] = {
-    "fmax": lambda graph, a, b: graph.choose(graph.difference(a, b), a, b),
-    "fmin": lambda graph, a, b: graph.choose(graph.difference(b, a), a, b),
+    "max": _python_rule(larger=True),
+    "min": _python_rule(larger=False),
+    "maximum": _numpy_rule(larger=True, keep=True),
+    "minimum": _numpy_rule(larger=False, keep=True),
+    "fmax": _numpy_rule(larger=True, keep=False),
+    "fmin": _numpy_rule(larger=False, keep=False),
     "sign": _sign,
+    "heaviside": _heaviside,
     "floor": lambda graph, a: graph.whole_part(a),
     "ceil": _negative_of_whole_part,
 }

@@ -20,7 +20,6 @@ NUMPY_NAMES = {known.numpy: name for name, known in TABLE.items() if known.numpy
     "signbit": "signbit",
     "rad2deg": "degrees",
     "deg2rad": "radians",
-    "heaviside": "heaviside",
 }
 """Functions of NumPy by other names than those of :mod:`math`."""
 
@@ -33,8 +32,7 @@ def _canonical_names() -> dict[Any, str]:
         if isinstance(ufunc, np.ufunc):
             names[ufunc] = NUMPY_NAMES.get(name, name)
     names[np.abs] = names[abs] = "fabs"
-    names[min] = names[np.minimum] = names[np.fmin] = "fmin"
-    names[max] = names[np.maximum] = names[np.fmax] = "fmax"
+    names[min], names[max] = "min", "max"
     names[np.power] = names[pow] = "pow"
     names[np.clip], names[np.where], names[float], names[int] = "clip", "where", "float", "int"
     names[np.select], names[np.linalg.norm], names[print] = "select", "norm", "print"
@@ -46,8 +44,9 @@ def _canonical_names() -> dict[Any, str]:
 CANONICAL_NAMES = _canonical_names()
 
 ARRAY_FUNCTIONS: dict[str, Any] = {name: f for f, name in CANONICAL_NAMES.items() if isinstance(f, np.ufunc)}
-for _name in ("fmin", "fmax", "hypot"):
-    ARRAY_FUNCTIONS[_name] = functools.partial(lambda f, *several: functools.reduce(f, several), getattr(np, _name))
+ARRAY_FUNCTIONS["min"] = lambda *several: functools.reduce(lambda a, b: np.where(b < a, b, a), several)
+ARRAY_FUNCTIONS["max"] = lambda *several: functools.reduce(lambda a, b: np.where(b > a, b, a), several)
+ARRAY_FUNCTIONS["hypot"] = lambda *several: functools.reduce(np.hypot, several)
 
 
 class _Namespace(types.ModuleType):

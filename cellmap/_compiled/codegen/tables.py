@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..._lib.arrays import Floats
 from .expression import Expression
 
 MOST_POINTS = 1024
@@ -51,6 +52,12 @@ def interpolated(
         )
     if (np.diff(places) <= 0.0).any():
         raise TableError("np.interp: the places of a table must increase")
+    found: Expression = x.graph.where_defined(x, _of_number(x, places, values, left, right), x)
+    return found
+
+
+def _of_number(x: Any, places: Floats, values: Floats, left: Any, right: Any) -> Any:
+    """Return the value of a table at a place that is a number."""
     graph: Any = x.graph
     ends = (values[0] if left is None else left, values[-1] if right is None else right)
     if len(places) == 1:
@@ -72,7 +79,7 @@ def interpolated(
         changes = np.diff(slopes, prepend=0.0, append=0.0)
         kinks = np.flatnonzero(np.abs(changes) > _STRAIGHT * np.abs(slopes).max())
         if len(kinks) <= MOST_KINKS:
-            ramps = (changes[k] * graph.apply("fmax", x - places[k], 0.0) for k in kinks)
+            ramps = (changes[k] * graph.apply("maximum", x - places[k], 0.0) for k in kinks)
             return values[0] + sum(ramps, graph.constant(0.0))
     raise TableError(
         "np.interp: a table of a right-hand side has a switch for each kink where its points are at distances that "

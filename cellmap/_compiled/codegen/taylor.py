@@ -272,6 +272,9 @@ class Series:
         term = self.at(node.arguments[0], k)
         return None if term is None else -term
 
+    def _defined(self, node: Expression, k: int) -> Coefficient:
+        return None
+
     def _select(self, node: Expression, k: int) -> Coefficient:
         above, below = (self.at(a, k) for a in node.arguments[1:])
         if above is None and below is None:

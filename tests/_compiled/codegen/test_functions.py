@@ -29,10 +29,11 @@ EXACT: dict[str, Callable[..., Any]] = {
     "fmod": math.fmod,
     "copysign": math.copysign,
     "trunc": math.trunc,
-    "fmin": min,
-    "fmax": max,
+    "heaviside": lambda x, y: float(x > 0),
+    **dict.fromkeys(("min", "minimum", "fmin"), min),
+    **dict.fromkeys(("max", "maximum", "fmax"), max),
 }
-OF_TWO = {"fmin", "fmax", "mod", "fmod", "copysign", "hypot", "atan2"}
+OF_TWO = {"min", "max", "minimum", "maximum", "fmin", "fmax", "heaviside", "mod", "fmod", "copysign", "hypot", "atan2"}
 ANALYTIC = [name for name, known in TABLE.items() if known.domain is not None]
 DIFFERENTIABLE = [name for name, known in TABLE.items() if known.slope is not None]
 
@@ -42,7 +43,7 @@ def exact(name: str) -> Callable[..., Any]:
 
 
 def function_of(name: str) -> Callable[..., Any]:
-    found: Callable[..., Any] = getattr(math, name, None) or getattr(np, name)
+    found: Callable[..., Any] = {"min": min, "max": max}.get(name) or getattr(math, name, None) or getattr(np, name)
     return found
 
 

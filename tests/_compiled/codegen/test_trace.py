@@ -102,6 +102,7 @@ def evaluate(traced: Trace, t: float, x: list[float], p: list[float]) -> list[fl
         "neg": lambda a: -a,
         "pow": lambda a, b: a**b,
         "side": lambda a: 1.0 if a > 0.0 else -1.0,
+        "defined": lambda a: 1.0,
         "select": lambda sign, a, b: a if sign > 0.0 else b,
     }
     for node in in_order(traced.outputs):
