@@ -86,7 +86,7 @@ def _compiled(function: Callable[..., Any], dimension: int, names: tuple[str, ..
     numba = importlib.import_module("numba")
     compiler, width = numba.njit(**OF_USERS), vector_width()
     # Whole parts of huge numbers stay numbers: those of math are whole numbers of 64 bits.
-    table = {"int": compiler(_whole), "floor": np.floor}
+    table = {"int": compiler(_whole), "round": compiler(_nearest), "floor": np.floor}
     values, places = [f"y{j}" for j in range(dimension)], [f"i + {j * width}" for j in range(dimension)]
     state = "".join(f"x[{place}], " for place in places)
     # Read before the loop, lest they seem to change with what is written in it.
@@ -116,6 +116,15 @@ def _whole(x: Any) -> int:
     if not abs(x) < 2.0**63:
         raise OverflowError("a whole number is larger than 2**63")
     return int(x)
+
+
+def _nearest(x: Any, digits: int | None = None) -> Any:
+    """Stand for ``round`` in compiled functions: of NaN there is no nearest whole number."""
+    if digits is None:
+        if not abs(x) < 2.0**63:
+            raise OverflowError("a whole number is larger than 2**63")
+        return round(x)
+    return round(x, digits)
 
 
 def _first_sentence(error: Exception) -> str:
