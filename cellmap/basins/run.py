@@ -29,7 +29,7 @@ from ..attractors.search import region_extent, search, sort_out
 from ..attractors.settling import Settled
 from ..attractors.transients import Late, Reason, regular
 from ..maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits
-from ..maps.point_map import PointMap, ToleranceWarning
+from ..maps.point_map import PointMap, ToleranceWarning, remedy_for_missed
 from ..orbits.attractor import Attractor, sort_key
 from .doubts import cycles_of
 from .initial_conditions import InitialConditions, Rows
@@ -100,10 +100,11 @@ class Run:
         """Return what has come out, with warnings of what is missing in it."""
         tally, total = NOTHING if self.now is None else self.now.tally, len(self.initial_conditions)
         if tally.inaccurate:
+            diverge = bool((self.store.labels == Label.DIVERGED).any())
             warn_caller(
                 f"the integrator missed its tolerance along {tally.inaccurate} of {total} orbits"
-                f" ({tally.inaccurate / total:.1%}){_why_inaccurate(self.point_map)}; loosen rtol and atol, or allow "
-                f"more steps with max_steps{cycles_of(self.point_map)}",
+                f" ({tally.inaccurate / total:.1%}){_why_inaccurate(self.point_map)}; "
+                f"{remedy_for_missed(diverge)}{cycles_of(self.point_map)}",
                 ToleranceWarning,
             )
         store = self.store if self.complete else self.store.cut_short(self.now)

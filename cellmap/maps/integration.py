@@ -19,8 +19,8 @@ from .._compiled.codegen.kernel import (
     switching_kernel,
 )
 from .._compiled.codegen.methods import LARGE
-from .._compiled.kernels.blocks import LANES, wrap_rows
-from .._compiled.kernels.periods import INACCURATE, PROBE, ROUNDED, Motion, integrate, sample
+from .._compiled.kernels.blocks import LANES, ROUNDED, wrap_rows
+from .._compiled.kernels.periods import INACCURATE, PROBE, Motion, integrate, sample
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.computed import computed_once
 from .coordinates import turns_of
@@ -40,6 +40,7 @@ _SERIES = 16  # right-hand sides that take as long as a step of another method
 _RUNGS_TO_COMPARE = 3  # between numbers of steps whose images are compared; for own steps all that are climbed at once
 _AGREEMENT = 2.0  # two images differ by less than the tolerance over this
 _REGROWN = 3  # periods in which a component can fall below its tolerance and grow again
+_COARSE, _ENOUGH = 1e-6, 8192  # tolerance, and steps allowed, by which is seen whether an orbit ends
 _SAFETY = 2.0  # error expected of the steps that are chosen, under the tolerance by this factor
 
 Turns = tuple[Floats, Floats]
@@ -350,12 +351,16 @@ class Flow:
         margin = self.kernel.margin(tolerance)
         climb = (4 if self.kernel.own_steps else 3) * _RUNGS_PER_OCTAVE
         compared = ((climb if self.kernel.own_steps else _RUNGS_TO_COMPARE) - 0.5) / _RUNGS_PER_OCTAVE
-        context = self.kernel.advance.context
+        context, coarse = self.kernel.advance.context, np.zeros(1, np.int64)
         if self.kernel.own_steps:
             longest = self.length / self.fewest_steps  # or a step would pass over a pulse of the forcing
-            floors = self.atol / margin
-            numbers = [self.rtol / margin, _OWN_STEPS * self.max_steps, longest, *self.largest, *floors]
-            context = np.array(numbers, dtype=np.float64).view(np.int64)
+            context, coarse = (
+                np.array(
+                    [f * self.rtol / margin, _OWN_STEPS * steps, longest, *self.largest, *(f * self.atol / margin)]
+                )
+                for f, steps in ((1.0, self.max_steps), (max(1.0, _COARSE / tolerance), _ENOUGH))
+            )
+            context, coarse = context.view(np.int64), coarse.view(np.int64)
         return Motion(
             function=self.kernel.advance.address,
             context=context,
@@ -379,6 +384,7 @@ class Flow:
             agreement=_AGREEMENT / margin * (1.0 if self.checked == 1.0 else min(1.0, tolerance / _CLEAR)),
             floor=np.where(self.keeps_zero, self.atol, 0.0),
             lost=np.zeros(len(self.largest), np.int64),
+            coarse=coarse,
         )
 
     def steps_at(self, points: Floats, steps: int) -> float:

@@ -26,12 +26,13 @@ class Status(IntEnum):
 
     OK = 0
     INACCURATE = periods.INACCURATE
-    """The integrator missed its tolerance in some period; the point is its best value."""
+    """The integrator missed its tolerance in some period; the point is its best value, at least one digit correct."""
     ESCAPED = periods.ESCAPED
     """The orbit left the window of an interpolated map."""
     DIVERGED = periods.DIVERGED
     """The orbit grew beyond all bounds (that of a flow to 1e100), or an angle reached 1e15 full rotations, where it has
-    no phase; or the right-hand side, or the function of a discrete map, was not finite there or raised an exception."""
+    no phase; or it ended at a singularity of the right-hand side; or that, or the function of a discrete map, was not
+    finite there or raised an exception."""
     NO_RETURN = 4
     """The orbit did not return to the Poincaré section."""
     OUT_OF_STEPS = periods.OUT_OF_STEPS

@@ -373,12 +373,22 @@ def history(point_map: PointMap, points: ArrayLike, periods: int, progress: bool
 def warn_of_tolerance(status: NDArray[np.uint8], name: str, unknown: str = "") -> None:
     """Warn where orbits are INACCURATE; `unknown` is why branches are not located, empty where they are."""
     if missed := np.count_nonzero(status == Status.INACCURATE):
-        remedy = "Loosen rtol and atol, or allow more steps with max_steps"
+        remedy = remedy_for_missed(bool((status == Status.DIVERGED).any()))
         warn_caller(
-            f"{missed} of {status.size} orbits of {name} did not meet the tolerance; their status says so. "
-            + (f"Branches are not located, for {unknown}" if unknown else remedy),
+            f"{missed} of {status.size} orbits of {name} did not meet the tolerance; their status says so: "
+            + (f"branches are not located, for {unknown}" if unknown else remedy),
             ToleranceWarning,
         )
+
+
+def remedy_for_missed(diverge: bool) -> str:
+    """Say what helps where tolerances are missed; others of these orbits `diverge`, or none does."""
+    if diverge:
+        return (
+            "others diverge, and near a singularity of the right-hand side no tolerance helps; end orbits before it, "
+            "by an Impact there"
+        )
+    return "loosen rtol and atol, or allow more steps with max_steps"
 
 
 def warn_of_small_states(point_map: PointMap) -> None:

@@ -19,7 +19,7 @@ from ..attractors.labels import Label
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.grid import CellGrid, Locator, between, grid_points
 from ..maps.orbit_batch import CHUNK, Orbits, Status
-from ..maps.point_map import PointMap, ToleranceWarning
+from ..maps.point_map import PointMap, ToleranceWarning, remedy_for_missed
 from ..orbits.exponent_fields import growth
 from .box_set import BoxSet, finer
 
@@ -360,11 +360,10 @@ def cells_of(point_map: PointMap, grid: CellGrid, orbits: Orbits) -> Ints:
     return np.where(orbits.status >= Status.DIVERGED, DIVERGED, cells)
 
 
-def warn_of_inaccurate(missed: int, total: int) -> None:
-    """Warn where the integrator missed its tolerance for some points."""
+def warn_of_inaccurate(missed: int, total: int, diverge: bool = False) -> None:
+    """Warn where the integrator missed its tolerance for some points; others may `diverge`."""
     if missed:
         warn_caller(
-            f"the integrator missed its tolerance for {missed} of {total} points; loosen rtol and atol, or "
-            "allow more steps with max_steps",
+            f"the integrator missed its tolerance for {missed} of {total} points; {remedy_for_missed(diverge)}",
             ToleranceWarning,
         )

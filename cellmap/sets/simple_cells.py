@@ -266,7 +266,7 @@ def _assembled(
     label = f"mapping cells of {point_map.name}" if progress else None
     mapped = run_over(slices(len(missing), CHUNK), work, label)
     missed = sum(count for *_, count in mapped)
-    warn_of_inaccurate(missed, len(missing))
+    warn_of_inaccurate(missed, len(missing), bool((images[missing] == DIVERGED).any()))
     known = [(place[part.stray_cells], part.stray_images) for part, place in zip(parts, places, strict=True)]
     known += [(np.empty(0, np.int64), np.empty((0, grid.dimension))), *((rows, ends) for rows, ends, _ in mapped)]
     cells, points = (np.concatenate(column) for column in zip(*known, strict=True))

@@ -13,6 +13,12 @@ them passes through the same machine code wherever it stands, and its image has 
 BLOWN_UP = -1.0
 """Error, and ratio of error to tolerance, of a state that blows up: more steps would not save it."""
 
+FARTHEST_STATE = 1e100
+"""Size of a coordinate from which on an orbit has diverged: the squares of errors overflow from 1e154 on."""
+
+ROUNDED = 2.0**-48
+"""What rounding may add in a period, as a part of the largest component, or of its time: no tolerance is held to it."""
+
 MOST_TURNS = 1e15
 """Full rotations from which on an angle has no phase: floating-point numbers of that size lie a tenth of a period
 apart."""

@@ -13,28 +13,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..loops import inlined, loop
-from .blocks import LANES, pack, unpack, wrap_angle
+from .blocks import FARTHEST_STATE, LANES, ROUNDED, pack, unpack, wrap_angle
 from .calls import call_period
+from .poles import ARRIVED, ENDED, SEEN_NOTHING, follow_alone, follow_coarsely
+from .step_numbers import ASYMPTOTIC, MET, MISSED, next_rungs, sort_by_rung
 from .step_numbers import DIVERGED as NOT_FINITE
-from .step_numbers import MISSED, next_rungs, sort_by_rung
 
 INACCURATE, ESCAPED, DIVERGED, OUT_OF_STEPS = 1, 2, 3, 5
 """What :class:`cellmap.maps.orbit_batch.Status` says of an orbit, as the numbers that kernels write."""
 
-FARTHEST_STATE = 1e100
-"""Size of a coordinate from which on an orbit has diverged: the squares of errors overflow from 1e154 on."""
-
 UNCHECKED, CHOSEN, COMPARED, DIFFERED = range(4)
 """Whether an orbit is integrated with a second number of steps: no, yes, it was, or with more still."""
-
-ROUNDED = 2.0**-48
-"""What rounding may add in a period, as a part of the largest component: no tolerance is held to it."""
 
 _SPLIT = 134217729.0  # 2**27 + 1: what is left of a product with it are the last digits of a number (Veltkamp 1968)
 
 PROBE = 16
 """One step of this part of the time tells how many steps the whole of it will take."""
 
+ONE_DIGIT = 0.1
+"""Part of its size by which the images of two numbers of steps differ at most, if a digit of them is right."""
+
+_DOUBTFUL = 1e-3
+"""Error, as a part of the image's size, from which on it is seen what becomes of an orbit that misses its tolerance.
+
+That of the round before counts as well: across a pole an estimate may be small by accident."""
+
+_SOON, _LONG = 512, 8192
+"""Steps in which that is seen: of an orbit that goes on with more steps, and of one that is given up."""
 
 NONE, NOWHERE = np.zeros(1, np.int64), np.zeros(1)
 """Arrays of what is not there: a motion, a map, a table."""
@@ -81,6 +86,9 @@ class Motion(NamedTuple):
         Size below which nothing is known of a component that stays zero where it is; 0 for the others.
     lost : ndarray of int64, shape (d,)
         Receives 1 for a component that was smaller, and is larger again.
+    coarse : ndarray of int64
+        The context for a coarse tolerance, where each orbit has steps of its own, and numbers of steps stand for finer
+        tolerances; of one number for other methods.
     """
 
     function: int = 0
@@ -105,6 +113,7 @@ class Motion(NamedTuple):
     agreement: float = 0.0
     floor: NDArray[np.float64] = NOWHERE
     lost: NDArray[np.int64] = NONE
+    coarse: NDArray[np.int64] = NONE
 
 
 class Discrete(NamedTuple):
@@ -120,9 +129,9 @@ class Batch(NamedTuple):
     """What is known of orbits in a period, by their numbers or, of those that still need steps, by their places.
 
     By number: ``initial`` points (n, d); ``ratios`` of error to tolerance; ratio and steps of the round ``before``
-    (n, 2); images of fewer steps, ``earlier``; ``checks``, whether these are compared.  By place: rungs ``taken`` and
-    next ``rungs``, and where those of a rung end in the order of rungs.  ``blocks``, their ``errors`` and ``numbers``
-    of steps are handed to the compiled period.
+    (n, 2); images of fewer steps, ``earlier``; ``checks``, whether these are compared; in how many steps what becomes
+    of the orbit was ``seen``.  By place: rungs ``taken`` and next ``rungs``, and where those of a rung end in the order
+    of rungs.  ``blocks``, their ``errors`` and ``numbers`` of steps are handed to the compiled period.
     """
 
     initial: NDArray[np.float64]
@@ -130,6 +139,7 @@ class Batch(NamedTuple):
     before: NDArray[np.float64]
     earlier: NDArray[np.float64]
     checks: NDArray[np.int64]
+    seen: NDArray[np.int64]
     taken: NDArray[np.int64]
     rungs: NDArray[np.int64]
     ends: NDArray[np.int64]
@@ -142,9 +152,9 @@ class Batch(NamedTuple):
 def integrate(motion, points, rotations, status, small, lower, turn, periods):
     """Integrate orbits over some periods; return the steps that all of them took together.
 
-    An orbit whose tolerance is not met is marked INACCURATE; one that is not finite, has an angle without phase or a
-    coordinate from 1e100 on, has DIVERGED; one that is finite, but not at the end of the period or without a right
-    digit, is OUT_OF_STEPS.
+    An orbit whose tolerance is not met is marked INACCURATE; one that is not finite, ends at a singularity, or has an
+    angle without phase or a coordinate from 1e100 on, has DIVERGED; one that is finite, but not at the end of the
+    period or without a right digit, is OUT_OF_STEPS.
 
     Which orbits are checked, by the images of two numbers of steps, follows from the digits of their states alone.
     ``lower`` and ``turn`` are branch cuts and periods of the coordinates; those of period 0 are not wrapped.
@@ -160,6 +170,7 @@ def integrate(motion, points, rotations, status, small, lower, turn, periods):
         np.empty((n, 2)),
         np.empty((n if motion.checked > 0.0 else 0, d)),
         checks,
+        np.empty(n, np.int64),
         taken,
         rungs,
         np.empty(motion.ladder.size, np.int64),
@@ -182,7 +193,7 @@ def integrate(motion, points, rotations, status, small, lower, turn, periods):
                 _compare(motion, batch, points, members[:left])
             next_rungs(motion, batch, members[:left], first)
             if not first:
-                _give_up(motion, batch, points, status, members[:left])
+                total += _give_up(motion, batch, points, status, members[:left])
             sort_by_rung(members[:left], rungs[:left], motion.ladder.size, ordered, taken, batch.ends)
             members, ordered = ordered, members
             first = False
@@ -223,6 +234,7 @@ def _begin(motion, batch, points, living, members):
         for j in range(points.shape[1]):
             batch.initial[k, j] = points[k, j]
         batch.before[k, 0] = batch.before[k, 1] = -1.0
+        batch.seen[k] = 0
         batch.checks[k] = CHOSEN if _is_chosen(batch.initial, k, motion.checked) else UNCHECKED
     _images(motion, batch, members, motion.trial, motion.length / PROBE, points)
     for m in range(living.size):
@@ -247,16 +259,69 @@ def _compare(motion, batch, points, members):
 
 @inlined
 def _give_up(motion, batch, points, status, members):
-    """Mark the orbits that no number of steps would do for."""
+    """Mark the orbits that no number of steps would do for; return the steps in which that was seen."""
+    total = 0
     for m in range(members.size):
-        k, ratio = members[m], batch.ratios[members[m]]
-        if batch.rungs[m] == MISSED:
+        if batch.rungs[m] != MET:
+            total += _examine(motion, batch, points, status, members, m)
+    return total
+
+
+@loop
+def _examine(motion, batch, points, status, members, m):
+    """Mark an orbit that does not meet its tolerance, if it ends; return the steps in which that was seen.
+
+    Where the error does not fall as it should, steps of its own tell whether the orbit ends, as at a pole; they also
+    have an image where equal steps have none.
+    """
+    k, rung, spent = members[m], batch.rungs[m], 0
+    ratio, fate, own_steps = batch.ratios[k], SEEN_NOTHING, motion.coarse.size > 1
+    if rung < 0:
+        most, small = _LONG, _DOUBTFUL * motion.digit
+        doubtful = not ratio <= small or batch.before[k, 0] > small
+    elif own_steps:
+        most, doubtful = _LONG, not ratio < np.inf
+    else:  # what is compared has met the tolerance
+        no_digit = not ratio <= motion.digit
+        doubtful, most = no_digit and batch.checks[k] <= CHOSEN and motion.ladder[batch.taken[m]] >= ASYMPTOTIC, _SOON
+    place = np.empty((1, points.shape[1]))
+    if doubtful and batch.seen[k] < most:
+        batch.seen[k] = most
+        if own_steps:
+            fate, spent = follow_coarsely(motion, batch.initial, k, place)
+        else:
+            fate, spent = follow_alone(motion, batch.initial, k, most, place)
+        if fate == ENDED:
+            batch.rungs[m] = NOT_FINITE
+            _end(points, status, k, DIVERGED)
+    if rung >= 0 or fate == ENDED:
+        return spent
+    if rung == NOT_FINITE or ratio > motion.digit or (doubtful and not _has_a_digit(motion, batch, points, k, m)):
+        if fate == ARRIVED and spent <= motion.ladder[motion.ladder.size - 1]:
             status[k] = INACCURATE
-            if ratio > motion.digit:
-                _end(points, status, k, OUT_OF_STEPS)
-        elif batch.rungs[m] == NOT_FINITE:
+            for j in range(points.shape[1]):
+                points[k, j] = place[0, j]
+        else:
             # The ratio is infinite for one that has not arrived, and NaN where it is nowhere.
-            _end(points, status, k, OUT_OF_STEPS if ratio == np.inf else DIVERGED)
+            missed = rung == MISSED or ratio == np.inf or fate == ARRIVED
+            _end(points, status, k, OUT_OF_STEPS if missed else DIVERGED)
+    else:
+        status[k] = INACCURATE
+    return spent
+
+
+@loop
+def _has_a_digit(motion, batch, points, k, m):
+    """Tell whether the images of two numbers of steps, one half of the other, have a digit in common."""
+    member, halved = np.empty(1, np.int64), np.empty(points.shape)
+    member[0] = k
+    _images(motion, batch, member, max(motion.ladder[batch.taken[m]] // 2, 1), motion.length, halved)
+    for j in range(points.shape[1]):
+        x = points[k, j]
+        size = (motion.atol[j] + motion.rtol * min(abs(x), motion.largest[j])) * motion.digit
+        if not abs(halved[k, j] - x) <= ONE_DIGIT * size:
+            return False
+    return True
 
 
 @inlined

@@ -1,0 +1,137 @@
+"""Orbits that end at a pole of the right-hand side, and orbits that pass close by: closed forms."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin, sqrt
+
+import numpy as np
+import pytest
+
+from cellmap import CellGrid, ForcedSystem, Status, find_basins, stroboscopic_map
+from cellmap.maps import Impact, ToleranceWarning
+
+pytestmark = pytest.mark.filterwarnings("ignore::cellmap.maps.ToleranceWarning")
+
+ALL = [(method, steps) for method in ("DOP853", "RK45", "Taylor", "Rosenbrock") for steps in (256, 16384)]
+VOLTAGE = 0.09
+
+
+def electrode(t, x, p):
+    """An electrode on a spring (Younis, MEMS Linear and Nonlinear Statics and Dynamics, 2011), which touches at 1."""
+    return x[1], -x[0] - p.damping * x[1] + VOLTAGE / (1.0 - x[0]) ** 2
+
+
+def images(rhs, period, places, names, method="auto", steps=16384, params=None, **options):
+    system = ForcedSystem(rhs, params or {}, period, names, **options)
+    return stroboscopic_map(system, method=method, max_steps=steps).iterate(places, 1)
+
+
+@pytest.mark.parametrize(("method", "steps"), ALL)
+def test_an_electrode_is_pulled_in(method, steps):
+    """Without damping the energy decides: beyond the saddle, or above its energy, all come to the pole in the end."""
+    places = CellGrid((-0.8, -1.0), (0.95, 1.0), (12, 12)).centres().reshape(-1, 2)
+    saddle = max(r.real for r in np.roots([1.0, -2.0, 1.0, -VOLTAGE]) if r.real < 1.0)
+
+    def energy(x, v):
+        return v**2 / 2 + x**2 / 2 - VOLTAGE / (1.0 - x)
+
+    pulled = (places[:, 0] > saddle) | (energy(*places.T) > energy(saddle, 0.0))
+    found = images(electrode, 40.0, places, ("x", "v"), method, steps, {"damping": 0.0})
+    assert 60 < pulled.sum() < 144
+    assert np.array_equal(found.status == Status.DIVERGED, pulled)
+    assert (found.points[~pulled, 0] < saddle).all()
+
+
+@pytest.mark.parametrize("options", [{}, {"max_steps": 256}, {"method": "Rosenbrock"}])
+def test_no_attractor_is_behind_the_electrode(options):
+    """There is one at x = 1.27, to which no orbit comes that begins before x = 1."""
+    system = ForcedSystem(electrode, {"damping": 0.05}, 5.0, ("x", "v"))
+    basins = find_basins(stroboscopic_map(system, **options), CellGrid((-0.8, -1.0), (0.95, 1.0), (20, 20)))
+    assert [a.points[0, 0] < 1.0 for a in basins.attractors] == [True]
+    assert set(basins.labels.ravel().tolist()) == {0, -2}
+
+
+CASES = {
+    "collision": (lambda t, x, p: (x[1], -1.0 / x[0] ** 2), [[1.0, 0.0], [3.0, 0.0]], 2.0),  # after pi/sqrt(8) x^1.5
+    "root": (lambda t, x, p: (-1.0 / x[0], x[1]), [[1.2, 0.0], [1.5, 0.0]], 1.0),  # x^2 - 2 t
+    "tangent": (lambda t, x, p: (1.0 + x[0] ** 2, 0.0 * x[1]), [[0.7, 0.0], [0.3, 0.0]], 1.0),
+}
+
+
+@pytest.mark.parametrize(("method", "steps"), ALL)
+@pytest.mark.parametrize("name", list(CASES))
+def test_orbits_end_at_poles(name, method, steps):
+    rhs, places, period = CASES[name]
+    found = images(rhs, period, places, ("x", "v"), method, steps)
+    assert found.status.tolist() == [Status.DIVERGED, Status.OK]
+
+
+@pytest.mark.parametrize(("method", "steps"), ALL)
+def test_poles_in_time(method, steps):
+    found = images(lambda t, x, p: (1.0 / sin(pi * (t - 0.3)) ** 2,), 1.0, [0.0], ("x",), method, steps)
+    assert found.status == Status.DIVERGED
+
+
+@pytest.mark.parametrize("steps", [256, 16384])
+@pytest.mark.parametrize("far", [False, True])
+def test_poles_beside_switches_and_stops(steps, far):
+    """Coulomb friction of 0.01, located; or a stop on the other side.  The electrode is released beyond the saddle."""
+    friction = 0.0 if far else 0.01
+
+    def rhs(t, x, p):
+        return x[1], -x[0] + VOLTAGE / (1.0 - x[0]) ** 2 - (0.0 if far else friction * (1 if x[1] > 0 else -1))
+
+    stop = [Impact(lambda t, x, p: x[0] + 0.9, lambda t, x, p: (x[0], -0.5 * x[1]))] if far else []
+    found = images(rhs, 20.0, [[0.95, 0.0], [0.1, 0.0]], ("x", "v"), "auto", steps, impacts=stop)
+    assert found.status.tolist() == [Status.DIVERGED, Status.OK]
+
+
+def kepler(t, x, p):
+    cube = sqrt(x[0] * x[0] + x[1] * x[1]) ** 3
+    return x[2], x[3], -x[0] / cube, -x[1] / cube
+
+
+@pytest.mark.parametrize("method", ["DOP853", "RK45", "Taylor", "Rosenbrock"])
+def test_orbits_that_pass_close_to_a_pole_do_not_end(method):
+    """Ellipses close after 2 pi, also those of 0.0005 beside the centre; without angular momentum bodies collide."""
+    shapes = np.array([0.5, 0.9, 0.99, 0.999, 1.0])
+    places = np.zeros((5, 4))
+    places[:, 0], places[:, 3] = 1.0 + shapes, np.sqrt((1.0 - shapes) / (1.0 + shapes))
+    found = images(kepler, 2 * pi, places, ("x", "y", "u", "v"), method)
+    assert (found.status[:2] == Status.OK).all() and (found.status[2:4] <= Status.INACCURATE).all()
+    assert found.status[4] == Status.DIVERGED
+    assert found.points[:2] == pytest.approx(places[:2], abs=1e-7)
+    assert found.points[2:4] == pytest.approx(places[2:4], abs=1e-2)
+
+
+def test_what_is_stiff_does_not_end_for_want_of_steps():
+    """Van der Pol at mu = 1000: explicit steps of a 256th of the time are unstable and overflow."""
+    found = images(
+        lambda t, x, p: (x[1], 1000.0 * (1.0 - x[0] ** 2) * x[1] - x[0]), 1.0, [2.0, 0.0], ("x", "v"), "DOP853", 256
+    )
+    assert found.status == Status.OUT_OF_STEPS
+
+
+def test_an_inaccurate_image_has_a_digit():
+    """x' = x^2 ends at 1 / (1/x - 1): 999 and nearly 10^7, where 256 equal steps have an error of as much."""
+    with pytest.warns(ToleranceWarning, match="others diverge, and near a singularity .* an Impact"):
+        found = images(lambda t, x, p: (x[0] ** 2,), 1.0, [[0.999], [1.0 - 1e-7], [1.001]], ("x",), steps=256)
+    assert found.status.tolist() == [Status.INACCURATE, Status.INACCURATE, Status.DIVERGED]
+    assert found.points[:2, 0] == pytest.approx([999.0, 1e7 - 1.0], rel=0.05)
+
+
+@pytest.mark.parametrize("method", ["DOP853", "RK45"])
+def test_jumps_are_no_poles(method):
+    """x' = x^(-1/2) passes zero at infinite speed, friction holds a mass: they miss the tolerance, and do not end."""
+    friction = images(
+        lambda t, x, p: (x[1], -x[0] - 0.3 * (1 if x[1] > 0 else -1) + 0.1 * cos(t)),
+        2 * pi,
+        [0.2, 0.1],
+        ("x", "v"),
+        method,
+    )
+    assert friction.status == Status.INACCURATE
+    fast = images(lambda t, x, p: (abs(x[0]) ** -0.5,), 2.0, [-0.5], ("x",), method)
+    exact = (1.5 * (2.0 - 0.5**1.5 / 1.5)) ** (2 / 3)
+    assert fast.status == Status.INACCURATE
+    assert fast.points == pytest.approx([exact], rel=0.05)
