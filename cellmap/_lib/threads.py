@@ -112,7 +112,7 @@ def run_over(tasks: Sequence[Task], work: Callable[[Task], Result], progress: st
         pool, stop = _taken(threads := thread_count()), Stop(parent=heeded())
         try:
             done: SimpleQueue[Future[Result]] = SimpleQueue()
-            futures = [pool.submit(_until, stop, work, task) for task in tasks]
+            futures = [_submitted(pool, stop, work, task) for task in tasks]
             for future in futures:
                 future.add_done_callback(done.put)
             for _ in futures:
@@ -142,7 +142,7 @@ def results_of(tasks: Sequence[Task], work: Callable[[Task], Result]) -> Iterato
 
     def begin(more: int) -> None:
         for task in islice(rest, more):
-            under_way[future := pool.submit(_until, stop, work, task)] = task
+            under_way[future := _submitted(pool, stop, work, task)] = task
             future.add_done_callback(done.put)
 
     try:
@@ -160,6 +160,21 @@ def results_of(tasks: Sequence[Task], work: Callable[[Task], Result]) -> Iterato
         _ended(pool, stop)
         raise
     _given_back(threads, pool)
+
+
+def _submitted(pool: ThreadPoolExecutor, stop: Stop, work: Callable[[Task], Result], task: Task) -> Future[Result]:
+    """Begin a task; at the end of a program, when pools take none any more, do it on this thread."""
+    try:
+        return pool.submit(_until, stop, work, task)
+    except RuntimeError as error:
+        if not str(error).startswith("cannot schedule"):  # a thread cannot be started
+            raise
+    future: Future[Result] = Future()
+    try:
+        future.set_result(_until(stop, work, task))
+    except Exception as error:
+        future.set_exception(error)
+    return future
 
 
 def _until(stop: Stop, work: Callable[[Task], Result], task: Task) -> Result:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import threading
 import time
 
@@ -173,3 +175,45 @@ def test_no_description_no_bar(capsys: pytest.CaptureFixture[str]) -> None:
     with progress_bar(3, "work") as advance:
         advance(3)
     assert capsys.readouterr().err == ""
+
+
+ENDING = """
+import atexit, threading, time
+from cellmap import set_threads
+from cellmap._lib.threads import results_of, run_over
+
+def work():
+    total = sum(run_over(range(100), float))
+    return total + sum(result for _, result in results_of(range(100), float))
+
+def longer():
+    slow = lambda k: time.sleep(0.01) or k
+    total = sum(run_over(range(60), slow))
+    threading.main_thread().join()
+    print("a thread", total + sum(result for _, result in results_of(range(60), slow)), work())
+
+def failing(task):
+    raise KeyError(task)
+
+def at_exit():
+    print("at exit", work())
+    for run in (run_over, lambda *call: list(results_of(*call))):
+        try:
+            run(range(2), failing)
+        except KeyError as error:
+            print("fails", error)
+
+set_threads(3)
+print("before", work())
+atexit.register(at_exit)
+threading.Thread(target=longer).start()
+time.sleep(0.05)
+"""
+
+
+def test_at_the_end_of_a_program_one_thread_works() -> None:
+    """In functions of `atexit`, and in threads that outlive the main one, whose calls are under way when that ends."""
+    done = subprocess.run([sys.executable, "-c", ENDING], capture_output=True, text=True, timeout=60)
+    assert done.stderr == ""
+    every = ["before 9900.0", "a thread 3540 9900.0", "at exit 9900.0", "fails 0", "fails 0"]
+    assert done.stdout.splitlines() == every
