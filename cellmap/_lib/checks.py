@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import functools
+import importlib
 import logging
 import os
 import re
@@ -27,6 +28,9 @@ from .memory import memory_available
 _PACKAGE = str(Path(__file__).parents[1]) + os.sep
 _NOT_A_CALLER = _PACKAGE, functools.__file__
 _ALWAYS_FREE = 2**24  # bytes
+_ROOT = __name__.split(".")[0]
+_SURROGATE = re.compile("[\ud800-\udfff]")
+_FAULT = 120  # characters of what another program says of an error
 
 
 class _Shown(Repr):
@@ -94,10 +98,29 @@ def whole_number(name: str, value: Any, at_least: int = 0, at_most: int = 2**62)
 
 
 def text(name: str, value: Any) -> str:
-    """Return a string."""
+    """Return a string, of characters that files and pages can hold."""
     if not isinstance(value, str):
         raise TypeError(f"{name}={shown(value)}: give a string")
+    if not value.isascii() and _SURROGATE.search(value):
+        raise ValueError(f"{name}={shown(value)}: give whole characters, no halves of a pair (surrogates)")
     return value
+
+
+def label(name: str, value: Any) -> str:
+    """Return a string that figures can show too: mathematics between dollar signs in it is such as can be set."""
+    given = text(name, value)
+    # What sets it is slow to import, and lives above.
+    if "$" in given and (fault := importlib.import_module(f"{_ROOT}.plot._mathtext").fault_in(given)):
+        raise ValueError(
+            f"{name}={shown(given)}: its mathematics cannot be set in figures ({fault[:_FAULT]}); correct it, or write "
+            r"\$ for the sign itself"
+        )
+    return given
+
+
+def named(value: Any, function: Any) -> str:
+    """Return the argument `name`, or the name of a function in its place."""
+    return label("name", text("name", value) or getattr(function, "__name__", type(function).__name__))
 
 
 def one_of(name: str, value: Any, choices: tuple[Any, ...]) -> Any:

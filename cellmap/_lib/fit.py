@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .arrays import Floats
-from .checks import finite_number, real_array, whole_number
+from .checks import finite_number, label, pair_of, real_array, whole_number
 from .signatures import checked
 
 _FEWEST = 3
@@ -126,6 +126,8 @@ def fit_line(
     Fit(slope 2 +- 0, 4 of 6 points)
     """
     px, py = real_array("x", x), real_array("y", y)
+    for axis in pair_of("labels", labels, "what x and y are"):
+        label("labels", axis)
     sigma = None if errors is None else real_array("errors", errors)
     if px.ndim != 1 or px.shape != py.shape or (sigma is not None and sigma.shape != px.shape):
         raise ValueError(f"x, y have the shapes {px.shape}, {py.shape}: give two arrays of one length")

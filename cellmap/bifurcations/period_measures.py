@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from .._lib.arrays import Complexes, Floats
-from .._lib.checks import check_mapping, finite_number, one_of, shown
+from .._lib.checks import check_mapping, finite_number, label, one_of, shown
 from ..maps.poincare import Section
 from ..maps.point_map import PointMap
 from ..maps.stroboscopic import Stroboscopic
@@ -87,7 +87,7 @@ def as_functions(given: Mapping[str, Quantity | OrbitFunction] | None) -> dict[s
     """Return functions of orbits by their names; a quantity stands for itself at the first point."""
     given = {} if given is None else given
     check_mapping("functions", given, "of names to functions of orbits, such as {'x': 0}")
-    return {name: f if isinstance(f, OrbitFunction) else OrbitFunction(f) for name, f in given.items()}
+    return {label("functions", n): f if isinstance(f, OrbitFunction) else OrbitFunction(f) for n, f in given.items()}
 
 
 def measured(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from .._lib.checks import is_sequence, shown, whole_number
+from .._lib.checks import is_sequence, shown, text, whole_number
 from .._lib.computed import computed_once
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
@@ -215,6 +215,9 @@ def checked_gallery(given: Sequence[Explored | ExploredScene]) -> tuple[Explored
     gallery = tuple(given)
     if not gallery or not all(isinstance(e, Explored | ExploredScene) for e in gallery):
         raise TypeError(f"gallery={shown(given)}: give at least one system, each of it an Explored or ExploredScene")
+    for explored in gallery:
+        for key in ("name", "about", "source" if isinstance(explored, Explored) else "title"):
+            text(key, getattr(explored, key))
     names = [e.name for e in gallery]
     if len(set(names)) < len(names):
         raise ValueError(f"gallery={names}: give each system a name of its own")

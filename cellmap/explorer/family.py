@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from tqdm import tqdm
 
-from .._lib.checks import finite_number, known_parameter, monotone_values
+from .._lib.checks import finite_number, known_parameter, monotone_values, text
 from .._lib.files import as_target, write_whole
 from .._lib.signatures import checked
 from ..attractors.labels import LABEL_NAMES
@@ -136,6 +136,7 @@ def export_html(
     True
     """
     target = as_target("path", path)
+    title, about = text("title", title), text("about", about)
     explored = replace(explored_from(system, region, nodes), about=about)
     first = View.first(explored)
     if not 1 <= len(parameters) <= 2:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from .._lib.checks import shown
+from .._lib.checks import shown, text
 from .equations import typed_system
 from .explored import Explored, ExploredScene, explored_of
 from .view import View
@@ -50,10 +50,7 @@ def load_views(path: str | os.PathLike[str], gallery: Mapping[str, Explored | Ex
 
 def _view(given: Mapping[str, Any], gallery: Mapping[str, Explored | ExploredScene]) -> dict[str, Any]:
     """Return a view after it has been checked."""
-    texts = {key: given.get(key, "") for key in ("title", "sentence", "equations")}
-    for key, value in texts.items():
-        if not isinstance(value, str):
-            raise TypeError(f"{key}={shown(value)}: give a text")
+    texts = {key: text(key, given.get(key, "")) for key in ("title", "sentence", "equations")}
     name = given.get("system")
     if (name is None) == (not texts["equations"]):
         raise ValueError("give either the name of a system or equations")

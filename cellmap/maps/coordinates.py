@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from .._compiled.kernels.blocks import MOST_TURNS
 from .._lib.arrays import Floats
-from .._lib.checks import finite_points, listed, real_number, shown, warn_caller
+from .._lib.checks import finite_points, label, listed, real_number, shown, warn_caller
 from .._lib.signatures import checked
 
 
@@ -49,6 +49,8 @@ class Coordinate:
             raise ValueError(f"name={shown(self.name)}: a coordinate needs a name, such as 'theta'")
         if not isinstance(self.unit, str):
             raise TypeError(f"unit={shown(self.unit)}: give a unit, such as 'rad', or '' for a pure number")
+        label("name", self.name)
+        label("unit", self.unit)
         if self.period is None:
             if self.lower is not None:
                 raise ValueError(f"lower={self.lower!r}: only an angle has a branch cut; give period= as well")

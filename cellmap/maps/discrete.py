@@ -17,7 +17,7 @@ from .._compiled.codegen.trace import Trace, parameter_record
 from .._compiled.kernels.frames import Framed, FrameStep, carrying
 from .._compiled.machine_code import MachineCode
 from .._lib.arrays import Floats
-from .._lib.checks import parameter_values, shown, text
+from .._lib.checks import named, parameter_values, shown
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .compiled_advance import DiscreteAdvance
@@ -93,7 +93,7 @@ class Discrete(MapSpec[PointMap]):
             raise TypeError(f"function={function!r}: give a function of (x, p)")
         set_field = functools.partial(object.__setattr__, self)
         set_field("params", parameter_values(self.params))
-        set_field("name", text("name", self.name) or getattr(function, "__name__", type(function).__name__))
+        set_field("name", named(self.name, function))
         _check_components(function, self.params, self.coordinates)
         _ = self._watched  # the function as it is now
 

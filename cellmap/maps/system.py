@@ -21,11 +21,12 @@ from .._lib.checks import (
     finite_number,
     finite_points,
     known_parameter,
+    label,
+    named,
     parameter_values,
     parameters_in_words,
     real_array,
     shown,
-    text,
 )
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
@@ -120,7 +121,7 @@ class ForcedSystem:
         set_field = functools.partial(object.__setattr__, self)
         set_field("params", parameter_values(self.params))
         set_field("coordinates", as_coordinates(self.coordinates))
-        set_field("name", text("name", self.name) or getattr(self.rhs, "__name__", type(self.rhs).__name__))
+        set_field("name", named(self.name, self.rhs))
         if self.switches is not None and not callable(self.switches):
             raise TypeError(f"switches={self.switches!r}: give a function switches(t, x, p) that returns a tuple")
         if not isinstance(self.impacts, Sequence) or not all(isinstance(i, Impact) for i in self.impacts):
@@ -128,9 +129,11 @@ class ForcedSystem:
         set_field("impacts", tuple(self.impacts))
         if not isinstance(self.outputs, Mapping) or not all(callable(f) for f in self.outputs.values()):
             raise TypeError(f"outputs={shown(self.outputs)}: give functions f(t, x, p) by name")
+        for name in self.outputs:
+            label("outputs", name)
         check_mapping("parameter_units", self.parameter_units, "of parameters to units, such as {'frequency': 'Hz'}")
         for name, unit in self.parameter_units.items():
-            text(f"parameter_units[{known_parameter('parameter_units', name, self.params, 'system')!r}]", unit)
+            label(f"parameter_units[{known_parameter('parameter_units', name, self.params, 'system')!r}]", unit)
         finite_number("period", self.length, above=0.0)
         self._try_right_hand_side()
         for k, impact in enumerate(self.impacts):

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from .._lib.arrays import Floats
-from .._lib.checks import is_sequence, listed, shown
+from .._lib.checks import is_sequence, label, listed, shown
 from .._lib.signatures import checked
 from ..maps.coordinates import Coordinate, wrap
 from ..maps.trajectories import Trajectory
@@ -150,9 +150,11 @@ def phase_portrait(
 def _check(trajectory: Trajectory, labels: Sequence[str] | None) -> None:
     if labels is None:
         return
-    own = is_sequence(labels) and all(isinstance(label, str) for label in labels)
+    own = is_sequence(labels) and all(isinstance(one, str) for one in labels)
     if not own or len(labels) != trajectory.status.size:
         raise ValueError(f"labels={shown(labels)}: give {trajectory.status.size} names in a list, one for each orbit")
+    for k, one in enumerate(labels):
+        label(f"labels[{k}]", one)
 
 
 def _flat(values: Floats) -> Floats:

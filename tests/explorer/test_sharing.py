@@ -118,7 +118,7 @@ def test_views_of_a_file_are_checked(tmp_path: Path, capsys: pytest.CaptureFixtu
         ("[[view]]\nsystem = 'wells'\nlower = [3.0, 0.0]", "view 1: "),
         ("[[view]]\nsystem = 'wells'\nzoom = 3", "view has no"),
         ("[[view]]\nequations = 'x = 3'", "view 1: line 1"),
-        ("[[view]]\nsystem = 'wells'\nsentence = 3", "sentence=3: give a text"),
+        ("[[view]]\nsystem = 'wells'\nsentence = 3", "sentence=3: give a string"),
     ):
         with pytest.raises((ValueError, TypeError), match="(?s)" + told):
             views(text)
