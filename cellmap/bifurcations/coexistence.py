@@ -185,8 +185,15 @@ class _Search:
     def _rest(self) -> Ints:
         """Classify the orbits that never converged, by the largest exponent of one at each parameter point.
 
-        One whose exponent is zero is quasi-periodic only if it is seen to stay on a torus.
+        One whose exponent is zero is quasi-periodic only if it is seen to stay on a torus.  Those that return to where
+        they are, on unstable periodic orbits such as there are on symmetry lines, are on no attractor.
         """
+        apart = return_distances(self.job.swept, self.orbits.points, self.job.longest_period, self.job.extent)
+        wandering = apart.min(axis=0) > _SAME
+        closed = np.bincount(self.place[~wandering], minlength=len(self.values))
+        self._keep(wandering)
+        if not wandering.any():
+            return closed
         undecided = np.bincount(self.place, minlength=len(self.values))
         first = np.flatnonzero(np.diff(self.place, prepend=-1))
         places, d = self.place[first], self.dimension
@@ -213,7 +220,7 @@ class _Search:
         )
         undecided[places[rows]] = 0
         self.found = Attractors.joined(self.found, rest)
-        return undecided
+        return undecided + closed
 
     def _stays_on_torus(self, states: Floats) -> Bools:
         """Tell which orbits from states (n, d + 2), whose exponent is zero, move on a torus, and not towards an orbit.

@@ -185,6 +185,15 @@ def test_slow_convergence_is_undecided() -> None:
     assert atlas.undecided[0].tolist() == [2, 2]
 
 
+def test_orbits_that_rest_on_unstable_points_are_undecided() -> None:
+    """The logistic map has a repelling point at 0, to which 0.5 comes in two steps at 4, and no second attractor."""
+    logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]) + p.e,), {"r": 3.5, "e": 0.0}, ("x",))
+    atlas = attractor_atlas(logistic, ("r", [3.2, 3.9, 4.0]), ("e", [0.0, 0.001]), [[0.3], [0.5], [0.0]], curves=0)
+    assert atlas.number[0].tolist() == [1, 1, 1]
+    assert atlas.undecided[0].tolist() == [1, 1, 2]
+    assert atlas.kind[atlas.rows == 0].tolist() == [AtlasKind.PERIODIC, AtlasKind.CHAOTIC, AtlasKind.CHAOTIC]
+
+
 def test_a_circle_of_one_dimension() -> None:
     """Without coupling a rotation by 2 radians is quasi-periodic; with it, one by pi is locked."""
     circle = discrete_map(lambda x, p: (x[0] + p.o - p.k * sin(x[0]),), {"o": 1.0, "k": 0.5}, (angle("q"),))
