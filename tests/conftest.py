@@ -14,6 +14,7 @@ from typing import Any
 import llvmlite.binding as llvm
 import numpy as np
 import pytest
+from _pytest.doctest import DoctestModule
 from hypothesis import settings
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
@@ -42,7 +43,7 @@ def pytest_configure(config: pytest.Config) -> None:
     # Thousands of kernels run for a moment each: LLVM need not look for the best order of their instructions.  Results
     # have the same bits, for each instruction stays what it is.
     llvm.set_option("", "-enable-misched=false")
-    config.pluginmanager.register(ClosedFigures())
+    config.pluginmanager.register(Everywhere())
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -71,10 +72,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.timeout(1800))
 
 
-class ClosedFigures:
-    """Leave no figure to the next test or example; as a plugin, for examples in the packages do not see this folder."""
+class Everywhere:
+    """Hooks for the examples of the packages as well, as a plugin: these do not see this folder."""
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collect_file(self, file_path: Path) -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
+        # A file without a prompt has no examples: it need be neither imported nor searched for them.
+        found = yield
+        if ">>>" in file_path.read_text(encoding="utf-8", errors="ignore"):
+            return found
+        return [collector for collector in found if not isinstance(collector, DoctestModule)]
 
     def pytest_runtest_teardown(self) -> None:
+        # No figure is left to the next test.
         if "matplotlib.pyplot" in sys.modules:
             sys.modules["matplotlib.pyplot"].close("all")
 

@@ -14,8 +14,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-from run import code_lines
+sys.path.insert(0, str(Path(__file__).parents[2]))
+from tests.size.run import code_lines
 
 ROOT = Path(__file__).parents[2]
 TOOLS = {"bench", "mutation", "platforms", "size"}
