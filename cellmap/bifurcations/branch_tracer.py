@@ -17,6 +17,7 @@ from ..maps.stroboscopic import Stroboscopic
 from ..orbits.arclength import LOST, Box, ContinuationStep, End, SolutionPoint, corrected, trace
 from ..orbits.orbit_equations import OrbitProblem
 from .branch import Bifurcation, Branch, BranchPart
+from .branch_ends import LimitCycles
 from .detection import TESTS, Detector, signs
 from .kinds import BifurcationKind
 
@@ -74,12 +75,19 @@ class BranchTracer:
         detector, found = self.detector, list[Bifurcation]()
         before, slopes, number = detector.values_at(start), np.zeros(len(TESTS)), 0
         _, impacts = self._contacts([start])
+        cycles = LimitCycles.of(self.problem, self.name)
+        fastest = 0.0 if cycles is None else cycles.speed(start)
 
         def visit(step: ContinuationStep, may_refuse: bool) -> End | Literal["refused"] | None:
-            nonlocal before, slopes, number
+            nonlocal before, slopes, number, fastest
             # Orbits with one impact more or less are beyond grazing; those that lead to rest are without number.
             if -np.inf < self._contacts([step.end])[1] != impacts > -np.inf:
                 return "refused"
+            if cycles is not None:
+                speed = cycles.speed(step.end)
+                fastest = max(fastest, speed)
+                if vanished := cycles.vanishing(step.end, speed, fastest):
+                    return End(vanished, step.end)
             after = detector.values_at(step.end).following(before, step, [])
             events, clear = detector.events(step, before, after)
             # A line through the last two values tells where a function heads.
@@ -104,6 +112,8 @@ class BranchTracer:
         places, end = trace(
             problem, start, box, self.longest, self.most, self.label, problem.growing, problem.circles, visit
         )
+        if end == LOST and cycles is not None:
+            end = cycles.end_of(places, fastest) or end
         if end in (LOST, LARGE):
             distance, struck = self._contacts(places[-1:])
             if (last := self._where_it_grazes(places[-_SEEN:])) is not None:

@@ -83,6 +83,13 @@ class SweptOrbits:
         times = (spec.phase + np.arange(len(states))[:, None] / samples) * self._lengths
         return np.broadcast_to(times, states.shape[:2]), states
 
+    def rates(self, states: Floats) -> Floats:
+        """Return the rates of change (times, n, ...) of states (times, n, ...) of a system without forcing."""
+        spec = self.exact.spec
+        assert isinstance(spec, Section)
+        found = over_arrays(spec.system.rhs)(0.0, tuple(np.moveaxis(states, -1, 0)), self._parameters)
+        return np.stack([np.broadcast_to(rate, states.shape[:-1]) for rate in found], axis=-1)
+
     def quantity(self, quantity: Quantity, times: Floats, states: Floats) -> Floats:
         """Return a quantity (n, times) of states (times, n, ...), with all coordinates of a system, at times."""
         exact = self.exact
@@ -152,7 +159,7 @@ def _sampler(spec: Stroboscopic, names: tuple[str, ...], samples: int, finest: f
 def _cycles(spec: Section, names: tuple[str, ...], samples: int, finest: float) -> tuple[SectionMap, Sampler]:
     """Return the map of first returns with parameters as states, and the motion over a time that is a state as well."""
     finer = replace(spec, rtol=min(spec.rtol, finest), atol=min(spec.atol, finest))
-    swept, system = finer.swept(names), spec.system
+    swept, system, own_rhs = finer.swept(names), spec.system, spec.system.rhs
     if swept is None:
         raise TypeError(f"system={system!r}: measures over returns need a right-hand side that can be traced")
     own, places = parameter_record(tuple(system.params)), [entry_of(name) for name in system.params]
@@ -160,7 +167,7 @@ def _cycles(spec: Section, names: tuple[str, ...], samples: int, finest: float) 
     entries = tuple((fields.index(base), entry) for base, entry in places)
 
     def rhs(t: Any, x: Any, p: Any) -> Any:
-        return system.rhs(t, x, own(*[p[field][entry] if entry else p[field] for field, entry in entries]))
+        return own_rhs(t, x, own(*[p[field][entry] if entry else p[field] for field, entry in entries]))
 
     timed = ForcedSystem(rhs, {**system.params, "T_": 1.0}, lambda p: p.T_, system.axes, system.name)
     strobe = Stroboscopic(timed, 0.0, finer.rtol, finer.atol, "auto", spec.max_steps).swept((*names, "T_"))

@@ -1,0 +1,80 @@
+"""Ends of branches of limit cycles: Hopf points, homoclinic orbits, saddle-nodes on circles, and edges of sections."""
+
+from collections.abc import Callable
+from math import pi, sin, sqrt
+
+import numpy as np
+import pytest
+
+from cellmap import ForcedSystem, angle, continue_orbit, periodic_orbit, section_map
+from cellmap.bifurcations import BifurcationKind, Branch
+
+
+def lure() -> Branch:
+    """Lur'e's system: the eigenvalues at 0 are roots of s^3 + a s^2 + s + 1, imaginary at a = 1."""
+    system = ForcedSystem(
+        lambda t, u, p: (u[1], u[2], -p.a * u[2] - u[1] - u[0] + u[0] ** 2), {"a": 0.9}, 1.0, ("x", "y", "z")
+    )
+    section = section_map(system, ("y", 0.0, 1), rtol=1e-11, atol=1e-11)
+    orbit = periodic_orbit(section, section.iterate([-0.2, 0.2], 80).points)
+    return continue_orbit(section, orbit, "a", 0.85, 1.05, step=0.1)
+
+
+def circles(sign: float) -> Branch:
+    """Normal form of a Hopf bifurcation at mu = 0, with a fold of cycles at mu = -1/4 where it is subcritical."""
+
+    def rhs(t, x, p):  # type: ignore[no-untyped-def]
+        square = x[0] ** 2 + x[1] ** 2
+        grows = p.mu + sign * square - (square * square if sign > 0 else 0.0)
+        return x[0] * grows - x[1], x[1] * grows + x[0]
+
+    section = section_map(ForcedSystem(rhs, {"mu": 0.1}, 3.0, ("x", "y")), ("y", 0.0, 1))
+    first = sqrt(0.1) if sign < 0 else sqrt(0.5 + sqrt(0.35))
+    return continue_orbit(section, periodic_orbit(section, [first]), "mu", -0.5, 0.2, step=0.1)
+
+
+@pytest.mark.parametrize(
+    ("branch_of", "folds"),
+    [(lure, []), (lambda: circles(-1.0), []), (lambda: circles(1.0), [-0.25])],
+    ids=["Lur'e", "supercritical", "subcritical"],
+)
+def test_a_cycle_that_shrinks_ends_at_the_hopf_point(branch_of: Callable[[], Branch], folds: list[float]) -> None:
+    branch = branch_of()
+    (end,) = (e for e in branch.ends if e != "left the interval")
+    reason, value = end.split("=")
+    assert reason.startswith("the orbit shrinks to an equilibrium at ")
+    assert abs(float(value) - (1.0 if branch.parameter == "a" else 0.0)) < 2e-9
+    np.testing.assert_allclose([b.value for b in branch.of_kind(BifurcationKind.FOLD)], folds, atol=1e-9)
+    assert not branch.of_kind(BifurcationKind.DEGENERATE)
+
+
+def test_a_running_state_ends_at_a_homoclinic_orbit() -> None:
+    """Josephson junction, beta = 4: by SciPy (DOP853, 1e-11) the retrapping current is 0.597383 to 0.597385."""
+    junction = ForcedSystem(lambda t, x, p: (x[1], (p.i - sin(x[0]) - x[1]) / 4.0), {"i": 0.65}, 5.0, (angle("f"), "v"))
+    section = section_map(junction, ("f", 0.0, 1))
+    branch = continue_orbit(section, periodic_orbit(section, section.iterate([1.0], 30).points), "i", 0.3, 0.7)
+    assert branch.ends[0] == f"the period grows without bound at i={branch.values[0]:.10g}: homoclinic orbit"
+    assert 0.5973831 < branch.values[0] < 0.5973846
+
+
+def on_a_circle(max_time: float | None) -> Branch:
+    """On the unit circle the angle has the rate w - sin(angle): the period is 2 pi / sqrt(w^2 - 1)."""
+
+    def rhs(t, x, p):  # type: ignore[no-untyped-def]
+        inwards = 1.0 - x[0] ** 2 - x[1] ** 2
+        return x[0] * inwards - x[1] * (p.w - x[1]), x[1] * inwards + x[0] * (p.w - x[1])
+
+    section = section_map(ForcedSystem(rhs, {"w": 1.2}, 6.0, ("x", "y")), ("x", 0.0, 1), max_time)
+    return continue_orbit(section, periodic_orbit(section, [-1.0]), "w", 0.5, 1.4, step=0.1)
+
+
+def test_a_cycle_ends_at_a_saddle_node_on_it() -> None:
+    branch = on_a_circle(None)
+    assert branch.ends[0].startswith("the period grows without bound at w=1.00005")
+    assert branch.ends[0].endswith(": saddle-node on an invariant circle")
+
+
+def test_a_period_that_reaches_the_longest_time_is_told() -> None:
+    branch = on_a_circle(20.0)
+    assert branch.ends[0] == "the return time reaches max_time=20"
+    assert abs(branch.values[0] - sqrt(1.0 + (2.0 * pi / 20.0) ** 2)) < 1e-4
