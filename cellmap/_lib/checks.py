@@ -30,7 +30,8 @@ _NOT_A_CALLER = _PACKAGE, functools.__file__
 _ALWAYS_FREE = 2**24  # bytes
 _ROOT = __name__.split(".")[0]
 _SURROGATE = re.compile("[\ud800-\udfff]")
-_FAULT = 120  # characters of what another program says of an error
+_KEPT = 40  # characters of a long word at each of its ends
+_LONG_WORD = re.compile(rf"\S{{{2 * _KEPT + 3},}}")
 
 
 class _Shown(Repr):
@@ -38,7 +39,7 @@ class _Shown(Repr):
 
     def __init__(self) -> None:
         super().__init__()
-        self.maxstring = self.maxother = self.maxlong = 80
+        self.maxstring = self.maxother = self.maxlong = 2 * _KEPT
         self.maxtuple = self.maxlist = self.maxdict = 8
 
 
@@ -51,6 +52,13 @@ def shown(value: Any) -> str:
         return " ".join(_shown.repr(value).split())
     except Exception:  # of a foreign class, or an int of more digits than Python writes
         return f"<{type(value).__name__}>"
+
+
+def abridged(message: str) -> str:
+    """Return a message with long words, and a long message, written in part: its beginning and its end."""
+    words = _LONG_WORD.sub(lambda word: f"{word[0][:_KEPT]}...{word[0][-_KEPT:]}", message)
+    half = 8 * _KEPT
+    return words if len(words) <= 2 * half else f"{words[:half]} ... {words[-half:]}"
 
 
 def real_number(name: str, value: Any) -> float:
@@ -112,8 +120,8 @@ def label(name: str, value: Any) -> str:
     # What sets it is slow to import, and lives above.
     if "$" in given and (fault := importlib.import_module(f"{_ROOT}.plot._mathtext").fault_in(given)):
         raise ValueError(
-            f"{name}={shown(given)}: its mathematics cannot be set in figures ({fault[:_FAULT]}); correct it, or write "
-            r"\$ for the sign itself"
+            f"{name}={shown(given)}: its mathematics cannot be set in figures ({abridged(fault)}); correct it, or "
+            r"write \$ for the sign itself"
         )
     return given
 

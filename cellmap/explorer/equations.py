@@ -32,7 +32,7 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.checks import parameter_values
+from .._lib.checks import parameter_values, shown
 from ..maps.point_map import PointMap
 from ..maps.system import ForcedSystem
 from .explored import Explored
@@ -92,8 +92,9 @@ def typed_system(text: str, title: str = "typed") -> Explored:
     if (program := _PROGRAM.search(text)) is not None:
         line = text[: program.start()].count("\n") + 1
         raise EquationError("this is a program: write equations, or call cellmap.explore(system) in it", line)
-    found = _parsed(text)
+    found = _Text()
     try:
+        found = _parsed(text)
         source = _source(found, title)
         system = _built(source)
         candidates = [n for n in found.states if _ANGLES.match(n) and n not in found.angles]
@@ -108,7 +109,7 @@ def typed_system(text: str, title: str = "typed") -> Explored:
     except EquationError:
         raise
     except (ValueError, TypeError, ArithmeticError) as error:
-        line = found.lines["period"] if str(error).startswith("period") else 1
+        line = found.lines.get("period", 1) if str(error).startswith("period") else 1
         raise EquationError(str(error), line) from error
     return Explored(title, lambda: system, source=source)
 
@@ -181,8 +182,8 @@ def _source(found: _Text, title: str) -> str:
             body.append(f"    {name} = {ast.unparse(rename.visit(deepcopy(formula)))}")
     images = ", ".join(ast.unparse(rename.visit(deepcopy(found.states[name]))) for name in states)
     body.append(f"    return {images}{',' if len(states) == 1 else ''}")
-    shown = {n: repr(found.names[n]) for n in states}
-    coordinates = "".join(f"angle({shown[n]}), " if n in found.angles else f"{shown[n]}, " for n in states)
+    called = {n: repr(found.names[n]) for n in states}
+    coordinates = "".join(f"angle({called[n]}), " if n in found.angles else f"{called[n]}, " for n in states)
     formulas = [*found.states.values(), *(found.others[n] for n in found.others if n not in values)]
     used = sorted({name for formula in formulas for name in _math_in(formula)})
     lines = [f"from math import {', '.join(used)}", ""] if used else []
@@ -218,17 +219,17 @@ def _parsed(text: str) -> _Text:
         if primes and sign == "->":
             raise EquationError(f"the image of {stem} has no prime: write  {stem} -> {match[5]}", number, column)
         below = [stem + "'" * k for k in range(max(1, len(primes)))]  # coordinates, up to the highest derivative
-        for shown in below:
-            name = identifier(shown)
+        for called in below:
+            name = identifier(called)
             if name in found.states or name in found.others:
-                raise EquationError(f"{shown} has a line already: remove one of them", number, column)
+                raise EquationError(f"{called} has a line already: remove one of them", number, column)
             if name in _RESERVED:
-                raise EquationError(f"{shown} means something already: take another name", number, column)
+                raise EquationError(f"{called} means something already: take another name", number, column)
             try:
                 parameter_values({name: 0.0})
             except ValueError:
-                raise EquationError(f"{shown} cannot be a name: begin it with a letter", number, column) from None
-            found.names[name], found.lines[name] = shown, number
+                raise EquationError(f"{called} cannot be a name: begin it with a letter", number, column) from None
+            found.names[name], found.lines[name] = called, number
         tree = _formula(match[5], number, line, match.start(5))
         for name, following in itertools.pairwise(map(identifier, below)):
             found.states[name] = ast.Name(following, ast.Load())
@@ -291,7 +292,7 @@ def _refuse(node: ast.AST, line: int, column: int) -> None:
             raise EquationError(f"{node.id} is a function: write {node.id}(...)", line, column)
     elif isinstance(node, ast.Constant):
         if not is_number(node.value):
-            raise EquationError(f"{node.value!r} is no number", line, column)
+            raise EquationError(f"{shown(node.value)} is no number", line, column)
     elif isinstance(node, ast.operator | ast.unaryop):
         if not isinstance(node, OPERATORS):
             raise EquationError(f"{type(node).__name__} is no operation on numbers: use + - * / ** %", line, column)
@@ -318,9 +319,9 @@ def _known_names(tree: ast.expr, scope: set[str], line: int) -> None:
 
 def _unknown(name: str) -> str:
     """Return what to write for a name that nothing has defined."""
-    shown = re.sub(r"_(d*)dot$", lambda found: "'" * (len(found[1]) + 1), name)
-    if shown != name:
-        return f"{shown} is no coordinate: it has an equation already, or write one for {shown}'"
+    called = re.sub(r"_(d*)dot$", lambda found: "'" * (len(found[1]) + 1), name)
+    if called != name:
+        return f"{called} is no coordinate: it has an equation already, or write one for {called}'"
     if name == "e":
         return "e is not defined here: write  exp(...)  for powers of it"
     return f"{name} is not defined here: add a line such as  {name} = 1"

@@ -8,6 +8,7 @@ from math import isfinite, pi
 
 from .._compiled.codegen.functions import OF_MATH
 from .._compiled.codegen.rebind import NUMPY_NAMES
+from .._lib.checks import abridged
 
 LONGEST_TEXT = 10_000
 """Characters of a text of equations."""
@@ -47,7 +48,7 @@ class EquationError(ValueError):
     """
 
     def __init__(self, message: str, line: int, column: int = 1) -> None:
-        super().__init__(f"line {line}, column {column}: {message}")
+        super().__init__(f"line {line}, column {column}: {abridged(message)}")
         self.line, self.column = line, column
 
 

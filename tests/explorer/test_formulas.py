@@ -10,7 +10,7 @@ import pytest
 from cellmap import PointMap, discrete_map
 from cellmap._compiled.codegen.functions import OF_MATH
 from cellmap.explorer.equations import typed_system
-from cellmap.explorer.formulas import IN_NUMPY
+from cellmap.explorer.formulas import IN_NUMPY, LONGEST_TEXT, EquationError
 
 OF_TWO = {"atan2", "copysign", "fmod", "hypot", "pow"}
 NAMES = sorted(OF_MATH)
@@ -44,3 +44,53 @@ def test_a_function_of_numpy(name: str) -> None:
     assert typed([place, 0.3])[0] == pytest.approx(expected, rel=1e-15)
     traced = discrete_map(lambda x, p: (function(*x[:count]), x[1]), {}, ("x", "y"))
     assert not traced.unknown_formulas
+
+
+LONG = [
+    *(
+        "{n} = 1",
+        "{n}' = 1",
+        "x' = {n}",
+        "x{p} = 1",
+        "x{p} -> 1",
+        "x' = y{p}",
+        "x -> {n}(x)",
+        "x -> sin {n}",
+        "angle {n}",
+    ),
+    *("x -> x\n{n} = {n}", "x -> {n}(x + 1)", "1{n}", "x -> x.{n}", "x -> '{n}'", "x -> f({w})", "x -> sin {n}*{n}"),
+    *(
+        "x -> a\na = b + {w}",
+        "x' = 1\nperiod = {n}",
+        "{n} -> 1\n{n} -> 1",
+        "x -> {d}",
+        "x -> 0x{h}",
+        "x -> 1{d}",
+        "x -> {n}=1",
+        "θ{p} = {g}",
+    ),
+    *(
+        "a{n} = {n}\nx' = a{n}",
+        "def {n}",
+        "x -> x[{n}]",
+        "x -> {n}**{n}",
+        "x -> min({w})",
+        "{w}",
+        "x = {d}e{d}",
+        "x -> 1 if {n}",
+    ),
+]
+
+
+@pytest.mark.parametrize("text", LONG)
+def test_messages_are_short_whatever_is_typed(text: str) -> None:
+    """And they say where, and keep what to write."""
+    for size in (400, 9000):
+        long = {"n": "n" * size, "w": "x + " * (size // 4) + "x", "d": "9" * size, "g": "ω" * size}
+        long |= {"h": "f" * size, "p": "'" * min(size, 1000)}
+        written = text
+        for letter, value in long.items():
+            written = written.replace("{" + letter + "}", value)
+        with pytest.raises(EquationError, match=r"line \d+, column \d+: .*\w") as found:
+            typed_system(written[:LONGEST_TEXT])
+        assert len(str(found.value)) < 1000
