@@ -194,7 +194,7 @@ def tangent_flow(
     """Return the motion of states with some tangent vectors behind each; None without known derivatives.
 
     States are held to the tolerances of :func:`flow`, and tangent vectors to the tolerance `along` of errors relative
-    to their lengths.  With events, or where the system is stiff, there is one vector, and all is held to `rtol`.
+    to their lengths.  With events, or where the system is stiff, there is one vector, which is held to `rtol`.
     """
     system = known.unchanged()
     names, d = tuple(system.params), system.dimension
@@ -204,7 +204,7 @@ def tangent_flow(
             kernel = switching_kernel(system.functions, d, names, rtol, True)
         elif not known.unknown:
             kernel = jet_flow_kernel(system.rhs, d, names, rtol, 1, "Rosenbrock")
-        return _of_derivatives(kernel, known, begin, length, rtol, max_steps, 1)
+        return _of_derivatives(kernel, known, begin, length, rtol, max_steps, 1, atol)
     found = frame_kernel(system.rhs, d, names, rtol)
     if found is None:
         return None
@@ -248,14 +248,22 @@ def jet_flow(
 
 
 def _of_derivatives(
-    kernel: PeriodKernel | None, known: Formulas, begin: float, length: float, tolerance: float, steps: int, order: int
+    kernel: PeriodKernel | None,
+    known: Formulas,
+    begin: float,
+    length: float,
+    tolerance: float,
+    steps: int,
+    order: int,
+    atol: ArrayLike | None = None,
 ) -> Flow | None:
-    """Return the motion of states with derivatives up to an order, all to one tolerance."""
+    """Return the motion of states with derivatives up to an order, all to one tolerance, or states to that of each."""
     if kernel is None:
         return None
-    largest = np.full((order + 1) * known.system.dimension, np.inf)
+    d = known.system.dimension
+    largest = np.full((order + 1) * d, np.inf)
     fewest = _fewest_steps(known, length, tolerance)
-    floors = np.full_like(largest, tolerance)
+    floors = np.append(np.full(d, tolerance if atol is None else atol), np.full(order * d, tolerance))
     return Flow(kernel, _values(known.system), begin, length, tolerance, floors, steps, largest, fewest, vectors=order)
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .._lib.arrays import Bools, Floats
 from .._lib.checks import shown
@@ -15,7 +16,7 @@ from .coordinates import turns_of, wrap
 from .parameters_as_states import with_states
 from .point_map import PointMap, follow
 from .specification import MapSpec
-from .stroboscopic import MAX_STEPS, Stroboscopic
+from .stroboscopic import MAX_STEPS, Stroboscopic, check_tolerances, with_further
 from .system import ForcedSystem
 from .tangent import tangent
 
@@ -31,7 +32,10 @@ _LOOP = 64  # points on a circle, from whose derivatives the turns of its image 
 
 @checked
 def inverse_stroboscopic_map(
-    system: ForcedSystem, phase: float = 0.0, rtol: float = 1e-12, atol: float = 1e-12
+    system: ForcedSystem,
+    phase: float = 0.0,
+    rtol: float = 1e-12,
+    atol: ArrayLike | Mapping[str, float] = 1e-12,
 ) -> PointMap:
     """Return the inverse stroboscopic map: from a state to the state one period earlier, by backward integration.
 
@@ -41,8 +45,8 @@ def inverse_stroboscopic_map(
         A system without switches, so that its solutions are unique backwards in time.
     phase : float, optional
         Phase of the forcing at the section, as in :func:`stroboscopic_map`.
-    rtol, atol : float, optional
-        Tolerances of one period.
+    rtol, atol
+        Tolerances of one period, as for :func:`stroboscopic_map`.
 
     Returns
     -------
@@ -73,7 +77,8 @@ class Inverse(MapSpec[PointMap]):
     system: ForcedSystem
     phase: float
     rtol: float
-    atol: float
+    atol: Any
+    """A number, or a tuple of one for each coordinate."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.system, ForcedSystem):
@@ -82,6 +87,7 @@ class Inverse(MapSpec[PointMap]):
             raise ValueError(
                 f"system={self.system!r} has switches or impacts: its solutions are not unique backwards in time"
             )
+        check_tolerances(self)
 
     def make(self) -> PointMap:
         """Return the map, without its specification."""
@@ -96,7 +102,7 @@ class Inverse(MapSpec[PointMap]):
     def swept(self, names: tuple[str, ...]) -> Inverse | None:
         """Return the specification with some parameters appended to the state, where the formulas are known."""
         further = with_states(self.system, names)
-        return None if further is None else replace(self, system=further)
+        return None if further is None else replace(self, system=further, atol=with_further(self.atol, len(names)))
 
 
 def extra_turns(point_map: PointMap, about: Floats) -> Floats:

@@ -2,32 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._compiled.kernels.blocks import wrap_rows
-from .._lib.arrays import Floats
+from .._lib.arrays import Floats, Ints, evenly
 from .._lib.checks import finite_number, one_of, shown
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
-from .coordinates import state_points, turns_of
-from .first_return import Trip, gated_system
+from .compiled_advance import FlowAdvance
+from .coordinates import Coordinate, state_points, turns_of
+from .first_return import EXTRA, Trip, gated_system
 from .formulas import Formulas, formulas
 from .integration import Flow, flow, tangent_flow
 from .orbit_batch import CHUNK, Orbits, Status
 from .parameters_as_states import with_states
 from .periodicity import InTime, sampled
-from .point_map import PointMap
+from .point_map import PointMap, warn_of_small_states
+from .small_states import ORBITS, exact_motion, regrown, seen
 from .specification import MapSpec, no_source
-from .stroboscopic import MAX_STEPS, check_tolerances, stroboscopic_map
+from .stroboscopic import MAX_STEPS, check_tolerances, stroboscopic_map, with_further
 from .system import ForcedSystem
 from .tangent import derivatives_of
 
+_LOOKS = 128  # places on the way to a return at which it is seen whether a coordinate is too small
 _STRETCHES = 100  # periods of the system within which an orbit has to return by default
 _TANGENT_TOLERANCE = 1e-12
 _ORDER_FOR = (
@@ -118,6 +121,12 @@ class SectionMap(PointMap):
     section: tuple[str, float, int]
     first_returns: Callable[[Floats], tuple[NDArray[Any], ...]] = field(repr=False)
 
+    def __call__(self, points: ArrayLike) -> Floats:
+        """Return the images of points after one return, shape (..., dimension); NaN where there is none."""
+        images = super().__call__(points)
+        warn_of_small_states(self)
+        return images
+
     def returns(self, points: ArrayLike) -> Returns:
         """Return the points and times of the first returns of initial conditions on the section.
 
@@ -134,8 +143,35 @@ class SectionMap(PointMap):
             images[part], _, times[part], status[part] = self.first_returns(flat[part])
 
         run_over(slices(len(flat), CHUNK), work)
+        warn_of_small_states(self)
         shape = initial_conditions.shape[:-1]
         return Returns(images.reshape(initial_conditions.shape), times.reshape(shape), status.reshape(shape))
+
+
+@dataclass(frozen=True, eq=False)
+class SectionAdvance:
+    """Returns of orbits to a section; ``lost`` are coordinates of the system that became too small, and grew again."""
+
+    first_returns: Callable[[Floats], tuple[NDArray[Any], ...]]
+    axes: Sequence[Coordinate]
+    lost: set[int] = field(default_factory=set)
+    hint: ClassVar[str] = (
+        "; tolerances hold at the ends of periods of the system: give a shorter one than its falls take"
+    )
+
+    def take_lost(self) -> list[int]:
+        """Return, once, the coordinates that were below their tolerance and then grew."""
+        found = sorted(self.lost)
+        self.lost.clear()
+        return found
+
+    def __call__(self, orbits: Orbits, periods: int) -> None:
+        """Move a batch of orbits on by some returns, in place."""
+        for _ in range(periods):
+            for now in orbits.living():
+                images, rotations, _, status = self.first_returns(now.points)
+                now.points[:], now.status[:] = images, np.maximum(now.status, status)
+                now.rotations += rotations
 
 
 @checked
@@ -144,7 +180,7 @@ def section_map(
     section: tuple[str, float, int],
     max_time: float | None = None,
     rtol: float = 1e-9,
-    atol: float = 1e-9,
+    atol: ArrayLike | Mapping[str, float] = 1e-9,
     max_steps: int = MAX_STEPS,
 ) -> SectionMap:
     """Return the Poincaré map of an autonomous system: the map of first returns to a section of its state space.
@@ -164,8 +200,9 @@ def section_map(
     max_time : float, optional
         Time after which an orbit that has not returned gets the status NO_RETURN; 100 periods by default.  An
         equilibrium on the section gets this status too.
-    rtol, atol : float, optional
-        Relative and absolute tolerance, at least 1e-14.
+    rtol, atol
+        Relative and absolute tolerance, as for :func:`stroboscopic_map`: `atol` may be given for each coordinate of the
+        system, that of the section among them.
     max_steps : int, optional
         Largest number of steps in one period of the system.
 
@@ -216,7 +253,8 @@ class Section(MapSpec[SectionMap]):
     section: tuple[str, float, int]
     max_time: float
     rtol: float
-    atol: float
+    atol: Any
+    """A number, or a tuple of one for each coordinate of the system."""
     max_steps: int
 
     def __post_init__(self) -> None:
@@ -234,13 +272,27 @@ class Section(MapSpec[SectionMap]):
     def _trip(self) -> Trip:
         system, (_, value, direction) = self.system, self.section
         stretch, loose = min(system.length, self.max_time), max(self.rtol, _ORDER_FOR)
-        motion = flow(self._gated, 0.0, stretch, loose, self.atol, "auto", self.max_steps)
+        atol = with_further(self.atol, EXTRA)
+        motion = flow(self._gated, 0.0, stretch, loose, atol, "auto", self.max_steps)
         return Trip(system, self._place, value, direction, self.max_time, stretch, replace(motion, rtol=self.rtol))
 
     @computed_once
     def _tangent_motion(self) -> Flow | None:
         tolerance = min(self.rtol, _TANGENT_TOLERANCE)
-        return tangent_flow(self._gated, 0.0, self._trip.stretch, tolerance, tolerance, tolerance, self.max_steps)
+        atol = np.minimum(with_further(self.atol, EXTRA), tolerance)
+        return tangent_flow(self._gated, 0.0, self._trip.stretch, tolerance, atol, tolerance, self.max_steps)
+
+    @computed_once
+    def _kept(self) -> Ints:
+        """Coordinates of the system that stay zero where they are."""
+        return np.flatnonzero(np.broadcast_to(self._trip.motion.keeps_zero, self.system.dimension + EXTRA)[:-EXTRA])
+
+    @computed_once
+    def _watched(self) -> Flow:
+        """The motion of the system by which coordinates that become too small are noticed."""
+        s = self.system
+        motion = flow(formulas(s), 0.0, self._trip.stretch, self.rtol, self.atol, "auto", self.max_steps)
+        return exact_motion(motion, self._kept)
 
     def make(self) -> SectionMap:
         """Return the map, without its specification."""
@@ -254,14 +306,11 @@ class Section(MapSpec[SectionMap]):
             if wrap_rows(images, rotations, lower, turn):
                 status[np.isnan(images).any(axis=1) & (status < Status.ESCAPED)] = Status.DIVERGED
                 images[status >= Status.ESCAPED] = np.nan
+            if len(self._kept):
+                self._look(advance, points, times)
             return images, rotations, times, status
 
-        def advance(orbits: Orbits, periods: int) -> None:
-            for _ in range(periods):
-                for now in orbits.living():
-                    images, rotations, _, status = first_returns(now.points)
-                    now.points[:], now.status[:] = images, np.maximum(now.status, status)
-                    now.rotations += rotations
+        advance = SectionAdvance(first_returns, system.axes)
 
         def tangent(points: Floats) -> tuple[Floats, Floats]:
             carried = replace(trip, motion=derivatives_of(system.name, self._tangent_motion))
@@ -274,7 +323,7 @@ class Section(MapSpec[SectionMap]):
             coordinates=coordinates,
             params=system.params,
             advance=advance,
-            tolerance=(self.rtol, self.atol),
+            tolerance=(self.rtol, float(np.max(self.atol))),
             tangent=tangent,
             is_flow=True,
             no_image=Status.NO_RETURN,
@@ -286,7 +335,25 @@ class Section(MapSpec[SectionMap]):
         """Return the specification with some parameters appended to the state, where the formulas are known."""
         # Where the period is a function of parameters, time would be counted in periods.
         further = None if callable(self.system.period) else with_states(self.system, names)
-        return None if further is None else replace(self, system=further)
+        return None if further is None else replace(self, system=further, atol=with_further(self.atol, len(names)))
+
+    def _look(self, advance: SectionAdvance, points: Floats, times: Floats) -> None:
+        """Notice coordinates that become too small, and grow again, on the way of a few points back to the section.
+
+        Too small is what is below its absolute tolerance, or within a stretch below the relative one at its end.
+        """
+        rows = np.flatnonzero(np.isfinite(times))
+        rows = rows[evenly(len(rows), ORBITS)]
+        if not len(rows):
+            return
+        step, stretch = float(times[rows].max()) / _LOOKS, self._trip.stretch
+        places = np.insert(points[rows], self._place, self.section[1], axis=1)
+        watching = FlowAdvance(replace(self._watched, length=step), *turns_of(self.system.axes))
+        sizes = np.abs(seen(watching, places, _LOOKS)[:, :, self._kept])
+        lost = regrown(sizes, self._trip.motion.atol[self._kept])
+        for part in np.split(sizes, np.flatnonzero(np.diff(np.arange(_LOOKS + 1) * step // stretch)) + 1):
+            lost |= regrown(part, self.rtol * part[-1])
+        advance.lost.update(self._kept[lost].tolist())
 
     @property
     def recipe(self) -> dict[str, Any]:

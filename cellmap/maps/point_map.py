@@ -394,10 +394,12 @@ def remedy_for_missed(diverge: bool) -> str:
 def warn_of_small_states(point_map: PointMap) -> None:
     """Warn of coordinates that fell below their absolute tolerance and grew again: by how much is not known."""
     take_lost = getattr(point_map.advance, "take_lost", None)
-    if take_lost and (lost := [point_map.coordinates[j].name for j in take_lost()]):
+    axes = getattr(point_map.advance, "axes", point_map.coordinates)  # of a section's system
+    if take_lost and (lost := [axes[j].name for j in take_lost()]):
         warn_caller(
             f"{', '.join(lost)} of {point_map.name} fell below its atol for some time and grew again: what became of "
             f"it is not known. Give a smaller atol for this coordinate, atol={{{lost[0]!r}: ...}}, "
-            "below its smallest values times rtol, or make its logarithm the coordinate",
+            "below its smallest values times rtol, or make its logarithm the coordinate"
+            + getattr(point_map.advance, "hint", ""),
             ToleranceWarning,
         )

@@ -129,7 +129,6 @@ class Stroboscopic(MapSpec[PointMap]):
     def __post_init__(self) -> None:
         set_field = functools.partial(object.__setattr__, self)
         set_field("phase", finite_number("phase", self.phase))
-        set_field("atol", absolute_tolerances(self.atol, self.system.axes))
         check_tolerances(self)
         one_of("method", self.method, METHOD_NAMES)
 
@@ -152,7 +151,8 @@ class Stroboscopic(MapSpec[PointMap]):
         """The motion with tangent vectors, to a tolerance of 1e-12 or better, over the first of some equal parts."""
         s, tolerance = self.system, min(self.rtol, _TANGENT_TOLERANCE)
         begin, length = self.phase * s.length, s.length / count
-        return tangent_flow(self.formulas, begin, length, tolerance, tolerance, tolerance, self.max_steps, self._stiff)
+        atol = np.minimum(self.atol, tolerance)
+        return tangent_flow(self.formulas, begin, length, tolerance, atol, tolerance, self.max_steps, self._stiff)
 
     @computed_once
     def _tangent_motion(self) -> Flow | None:
@@ -206,10 +206,8 @@ class Stroboscopic(MapSpec[PointMap]):
 
     def swept(self, names: tuple[str, ...]) -> Stroboscopic | None:
         """Return the specification with some parameters appended to the state, where the formulas are known."""
-        further, atol = with_states(self.formulas.unchanged(), names), self.atol
-        if isinstance(atol, tuple):
-            atol = (*atol, *len(names) * (max(atol),))
-        return None if further is None else replace(self, system=further, atol=atol)
+        further = with_states(self.formulas.unchanged(), names)
+        return None if further is None else replace(self, system=further, atol=with_further(self.atol, len(names)))
 
     def curve_step(
         self, order: int, finer: bool = False, part: tuple[int, int] = (0, 1)
@@ -285,10 +283,17 @@ def absolute_tolerances(atol: Any, axes: Sequence[Coordinate]) -> Any:
     return tuple(finite_number("atol", value, above=0.0) for value in values.tolist())
 
 
+def with_further(atol: Any, count: int) -> Any:
+    """Return an absolute tolerance of a system with some states more."""
+    return (*atol, *count * (max(atol),)) if isinstance(atol, tuple) else atol
+
+
 def check_tolerances(spec: Any) -> None:
     """Check the tolerances and the number of steps of a new specification."""
     set_field = functools.partial(object.__setattr__, spec)
+    set_field("atol", absolute_tolerances(spec.atol, spec.system.axes))
     set_field("rtol", finite_number("rtol", spec.rtol, at_least=SMALLEST_TOLERANCE, at_most=LARGEST_TOLERANCE))
     if not isinstance(spec.atol, tuple):
         set_field("atol", finite_number("atol", spec.atol, at_least=SMALLEST_TOLERANCE))
-    set_field("max_steps", whole_number("max_steps", spec.max_steps, at_least=4, at_most=MOST_STEPS))
+    if hasattr(spec, "max_steps"):
+        set_field("max_steps", whole_number("max_steps", spec.max_steps, at_least=4, at_most=MOST_STEPS))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from .point_map import PointMap
 from .stroboscopic import Stroboscopic
 from .system import ForcedSystem
 from .trajectories import Sampler
+
+S = TypeVar("S", Stroboscopic, Section)
 
 Quantity = int | str | Callable[[Any, Any, Any], Any]
 """Number or name of a coordinate, name of one of the outputs of a system, or a function f(t, x, p)."""
@@ -158,7 +160,7 @@ def _sampler(spec: Stroboscopic, names: tuple[str, ...], samples: int, finest: f
 @functools.lru_cache(maxsize=16)
 def _cycles(spec: Section, names: tuple[str, ...], samples: int, finest: float) -> tuple[SectionMap, Sampler]:
     """Return the map of first returns with parameters as states, and the motion over a time that is a state as well."""
-    finer = replace(spec, rtol=min(spec.rtol, finest), atol=min(spec.atol, finest))
+    finer = _finer(spec, finest)
     swept, system, own_rhs = finer.swept(names), spec.system, spec.system.rhs
     if swept is None:
         raise TypeError(f"system={system!r}: measures over returns need a right-hand side that can be traced")
@@ -175,7 +177,7 @@ def _cycles(spec: Section, names: tuple[str, ...], samples: int, finest: float) 
     return swept.build(), Sampler(strobe, samples)
 
 
-def _finer(spec: Stroboscopic, finest: float) -> Stroboscopic:
+def _finer(spec: S, finest: float) -> S:
     atol = tuple(min(a, finest) for a in spec.atol) if isinstance(spec.atol, tuple) else min(spec.atol, finest)
     return replace(spec, rtol=min(spec.rtol, finest), atol=atol)
 
