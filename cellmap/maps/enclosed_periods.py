@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from math import ceil, inf
 from typing import Any
@@ -153,9 +154,11 @@ def period_of(system: ForcedSystem, phase: float, parameters: Floats, exact: boo
     Raises
     ------
     UntraceableError, ValueError
-        For a period whose formula is not known.
+        For a period whose formula is not known, or a number that is not the period for all of these parameters.
     """
     length = system.length
+    if not exact and not callable(system.period):
+        _hold_to_period(system, tuple(map(tuple, np.reshape(parameters, (-1, 2)).tolist())))
     if exact or not callable(system.period):
         return (phase * length, 0.0), (length, 0.0)
     function, names = period_as_map(system.period), tuple(system.params)
@@ -171,6 +174,24 @@ def period_of(system: ForcedSystem, phase: float, parameters: Floats, exact: boo
         raise ValueError(f"parameters: the period {system.period!r} is not bounded above zero over these intervals")
     spread = spread * (1.0 + 1e-12) + 2.0**-48 * middle
     return (phase * middle, abs(phase) * spread * (1.0 + 1e-12) + 2.0**-50 * abs(phase * middle)), (middle, spread)
+
+
+@functools.lru_cache(maxsize=64)
+def _hold_to_period(system: ForcedSystem, parameters: tuple[tuple[float, float], ...]) -> None:
+    """Refuse intervals of parameters, given by midpoints and radii, that change the period of a right-hand side."""
+    middle = dict(zip(system.params, (m for m, _ in parameters), strict=True))
+    for (name, own), (m, r) in zip(system.params.items(), parameters, strict=True):
+        for value in (m - r, m, m + r) if (m, r) != (own, 0.0) else ():
+            try:
+                replace(system, params=middle | {name: value})
+            except ValueError as error:
+                if "period" not in str(error):
+                    raise
+                raise ValueError(
+                    f"parameters={{{name!r}: ({m - r:g}, {m + r:g})}}: the period of the right-hand side changes with "
+                    f"{name}, and period={system.period!r} is a number; give a function, such as "
+                    f"period=lambda p: 2 * pi / p.{name}"
+                ) from error
 
 
 @functools.lru_cache(maxsize=64)

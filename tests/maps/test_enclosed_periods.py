@@ -172,6 +172,23 @@ def test_intervals_of_parameters_hold_for_all_of_their_values() -> None:
     assert (alone.image_radii < 0.01 * forms.image_radii).all()
 
 
+@pytest.mark.parametrize("ends", [(0.9, 1.1), (1.0, 1.01), (0.95, 0.95)])
+def test_a_parameter_that_changes_the_period_of_the_forcing_asks_for_a_function(ends: tuple[float, float]) -> None:
+    """With 2 pi for all of them the map would begin again at t = 0, and not where the cosine repeats."""
+
+    def driven(period: Any) -> PointMap:
+        def rhs(t: float, x: Any, p: Any) -> Any:
+            return x[1], -x[1] - x[0] + 0.5 * math.cos(p.w * t)
+
+        return stroboscopic_map(ForcedSystem(rhs, {"w": 1.0}, period, ("q", "v")))
+
+    with pytest.raises(ValueError, match=r"parameters=.*'w'.*period=6.28.*is a number; give .*lambda p: 2 \* pi / p.w"):
+        enclosed_images(driven(math.tau), [[0.0, 0.5]], [0.1, 0.1], parameters={"w": ends})
+    held = enclosed_images(driven(lambda p: math.tau / p.w), [[0.0, 0.5]], [0.1, 0.1], parameters={"w": ends})
+    own = driven(lambda p: math.tau / p.w).with_params(w=ends[1])([0.0, 0.5])
+    assert held.proved.all() and (np.abs(own - held.images[0]) <= held.image_radii[0]).all()
+
+
 def test_narrower_boxes_have_narrower_enclosures() -> None:
     excess = []
     for width in (1e-3, 1e-5, 1e-7):
