@@ -19,6 +19,7 @@ from .derivative import frame_traces, jet_trace
 from .emit import evaluate, inputs
 from .expression import UntraceableError, in_order
 from .filippov import SwitchingTrace, switching_trace
+from .growing_loops import check_lengths
 from .in_memory import compiled_in_memory
 from .instructions import Instructions, Value
 from .methods import LARGE, MOST_WORK, Method, choose_method, series_work, taylor_method, taylor_order
@@ -87,6 +88,7 @@ def _why_untraced(function: Callable[..., Any], dimension: int, names: Names, va
         return ""
     else:
         reason = "they give other values than the function: it catches exceptions, or asks for types"
+    check_lengths(name, function, dimension, parameter_record(names)(*values))
     _LOG.info("%s is compiled as it is, because its formulas are not known: %s", name, reason)
     return reason
 
