@@ -14,7 +14,7 @@ from ..maps.grazing import GRAZING as GRAZES
 from ..maps.grazing import contacts
 from ..maps.point_map import PointMap
 from ..maps.stroboscopic import Stroboscopic
-from ..orbits.arclength import LOST, Box, ContinuationStep, End, SolutionPoint, corrected, trace
+from ..orbits.arclength import FAR, LOST, Box, ContinuationStep, End, SolutionPoint, corrected, tangent_of, trace
 from ..orbits.orbit_equations import OrbitProblem
 from .branch import Bifurcation, Branch, BranchPart
 from .branch_ends import LimitCycles
@@ -23,6 +23,7 @@ from .kinds import BifurcationKind
 
 _FIRST_STEP, _NEAREST = 0.02, 1e-12  # first step on a new branch, scaled, and the shortest
 LARGE, GRAZING, AT_SECTION = "large multipliers", "grazing", "impact at the section"
+OUTGROWN, _OUTGROWN = "outgrown", 1e3  # times its unit that an orbit is when it gets a larger one
 _ON_SURFACE = 1e-6  # value of a guard on its surface, where steps have become as short as 1e-9
 _SEEN, _LOCATED = 10, 1e-9  # last points that tell where orbits graze, and the scaled error of that place
 _BESIDE = 0.37  # part of a step beside an initial point that is a bifurcation
@@ -56,6 +57,7 @@ class BranchTracer:
     label: str | None
     stop_at: frozenset[BifurcationKind] = frozenset()
     largest_growth: float = np.inf
+    keeps_units: bool = True
 
     @property
     def detector(self) -> Detector:
@@ -106,6 +108,8 @@ class BranchTracer:
                 return End("bifurcation", step.end)
             if box.contains(step.end) and self.problem.growth(step.end) > self.largest_growth:
                 return End(LARGE, step.end)
+            if not self.keeps_units and self._grown(step.end) > _OUTGROWN and box.contains(step.end):
+                return End(OUTGROWN, step.end)
             return None
 
         box, problem = self._box, self.problem
@@ -163,6 +167,28 @@ class BranchTracer:
         system, time = spec.system, spec.phase * spec.system.length
         guards = [impact.guard(time, x, system.parameters) for impact in system.impacts for x in orbit.points.tolist()]
         return bool(min(map(abs, guards)) < _ON_SURFACE)
+
+    def _grown(self, place: SolutionPoint) -> float:
+        return float(np.abs(place.unknowns[self.problem.growing]).max(initial=0.0))
+
+    def follow(self, start: SolutionPoint) -> Pieces:
+        """Trace the branch along the tangent of a solution point, in larger units where the orbit outgrows its own."""
+        tracer, pieces = self, Pieces()
+        while True:
+            segment = tracer.trace(start)
+            pieces.append((tracer, segment))
+            left = tracer.most - len(segment.places) + 1
+            if segment.end != OUTGROWN or left < 1:
+                return pieces
+            old, last = tracer.problem, segment.places[-1]
+            problem = old.enlarged(tracer._grown(last) / FAR)
+            unknowns, along = (v * old.scale / problem.scale for v in (last.unknowns, last.tangent))
+            derivatives = problem(unknowns)[1]
+            tangent = tangent_of(derivatives, along)
+            if tangent is None:
+                return pieces
+            start = SolutionPoint(unknowns, derivatives, tangent)
+            tracer = replace(tracer, problem=problem, most=left)
 
     def clear_start(self, start: SolutionPoint) -> SolutionPoint:
         """Return a point beside the initial one if that is a bifurcation, so that it is passed; else itself."""

@@ -120,7 +120,9 @@ def continue_orbit(
         start = corrected(problem, unknowns, problem.parameter_direction) or _at_a_fold(problem, unknowns)
         divided = [n for n in DIVISIONS if ShootingProblem.can_divide(problem, n)]
         largest = LARGEST_GROWTH if divided else np.inf
-        tracer = BranchTracer(exact, parameter, problem, (low, high), longest, most, label, largest_growth=largest)
+        tracer = BranchTracer(
+            exact, parameter, problem, (low, high), longest, most, label, frozenset(), largest, sizes is not None
+        )
         start = tracer.clear_start(start)
         ahead = _in_segments(tracer, start, divided, own is not None)
         if ahead[-1][1].end == "closed":
@@ -208,7 +210,7 @@ def switch_branch(
 
 def _in_segments(tracer: BranchTracer, start: SolutionPoint, divided: Sequence[int], sized: bool) -> Pieces:
     """Trace a branch along the tangent of a point, with the orbit in more segments where deviations grow too much."""
-    single, pieces = tracer.problem, [(tracer, tracer.trace(start))]
+    single, pieces = tracer.problem, tracer.follow(start)
     for number, count in enumerate(divided, 1):
         tracer, segment = pieces[-1]
         left = tracer.most - len(segment.places) + 1
@@ -221,7 +223,7 @@ def _in_segments(tracer: BranchTracer, start: SolutionPoint, divided: Sequence[i
         begin = finer.resumed(old, last)
         if begin is None:
             break
-        pieces.append((finer, finer.trace(begin)))
+        pieces += finer.follow(begin)
     return pieces
 
 

@@ -24,6 +24,9 @@ _ROUNDING = 1e-8  # if the residual is
 _SHRINKING = 0.75  # or less, as from half to half where two solutions are close together
 _STRAIGHT = 0.95  # cosine of the angle between neighbouring tangents from which a step was too long
 _SHORTEST = 1e-9
+FAR = 10.0
+"""Times the size that unknowns began with from which this says nothing of them."""
+_CREEPING = 1e-9  # part of a step in the other unknowns that may be rounding
 LOST = "no convergence"
 _REPEATED = 0.43  # no power of it leads back to round numbers
 _ALIGNED = 0.9  # cosine of the angle between tangents of one curve at one place
@@ -202,7 +205,9 @@ def continuation_steps(
     """Yield steps along a curve from a solution point, without end; stop where no step is short enough.
 
     Steps are adapted to the angle between tangents, up to `longest`, or that part of the largest of the unknowns that
-    are `growing`.  A step that is sent back is repeated with less than half its length.
+    are `growing`.  While these are far from the size that they began with, and the derivatives by them hardly change,
+    steps grow until they are as long in the other unknowns.  A step that is sent back is repeated with less than half
+    its length.
     """
     here, length = begin, longest
     while length > _SHORTEST:
@@ -215,8 +220,13 @@ def continuation_steps(
         if refused:
             length *= _REPEATED
             continue
+        slopes = [place.derivatives[:, :-1] for place in (here, there)]
         here = there
-        largest = longest * float(np.abs(here.unknowns[growing]).max(initial=1.0))
+        reached = float(np.abs(here.unknowns[growing]).max(initial=1.0))
+        largest, aside = longest * reached, float(np.linalg.norm(here.tangent[~growing]))
+        if reached > FAR and aside > _CREEPING:
+            changed = np.linalg.norm(slopes[1] - slopes[0]) / (1.0 + np.linalg.norm(slopes[1]))
+            largest = max(largest, longest / aside) if changed < longest else largest
         length = min(largest, length * (1.5 if turned > 0.99 else 0.9))
 
 

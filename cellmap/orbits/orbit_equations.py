@@ -136,6 +136,10 @@ class OrbitProblem:
         null = np.linalg.svd(self.twisted(place.derivatives))[2][-1]
         return np.append(null, np.zeros(len(self.scale) - self.states))
 
+    def enlarged(self, factor: float) -> OrbitProblem:
+        """Return the equations in larger units of the state variables on the line."""
+        return replace(self, scale=self.scale * np.where(self.growing, factor, 1.0))
+
     def with_parameters(self, exact: PointMap, names: tuple[str, ...], spans: tuple[float, ...]) -> OrbitProblem:
         """Return the equations in other parameters, those of a map, in units of their spans."""
         scale = np.append(self.scale[: self.states], spans)
