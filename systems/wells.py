@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from cellmap.utils import finite_number, finite_points, shown
+from cellmap.utils import finite_number, one_point
 
 from .averaging import EffectivePotential
 
@@ -121,9 +121,7 @@ def slow_equilibrium(potential: EffectivePotential, near: ArrayLike) -> SlowEqui
     2.465691357
     """
     _check_potential(potential)
-    angles = finite_points("near", np.atleast_1d(near), potential.joints)
-    if angles.ndim > 1:
-        raise ValueError(f"near={shown(near)}: give one angle for each joint")
+    angles = one_point("near", near, potential.joints)
     for _ in range(50):
         try:
             step = np.linalg.solve(potential.hessian(*angles), potential.gradient(*angles))

@@ -20,7 +20,7 @@ from reprlib import Repr
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .arrays import Floats, Ints
 from .memory import memory_available
@@ -185,12 +185,17 @@ def of_the_user(name: str, function: Callable[..., Any], *arguments: Any) -> Any
         raise ValueError(f"{name}={shown(function)} fails, {type(error).__name__}: {error}") from error
 
 
+def array_of_any(name: str, given: Any, what: str) -> NDArray[Any]:
+    """Return what is given as an array, of whatever it holds; rows of different lengths are none."""
+    try:
+        return np.asarray(given)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name}={shown(given)}: give {what}") from None
+
+
 def whole_array(name: str, given: ArrayLike, what: str = "whole numbers") -> Ints:
     """Return an array of whole numbers; a new one, unless they are int64 already."""
-    try:
-        array = np.asarray(given)
-    except ValueError:  # rows of different lengths
-        array = np.array(None)
+    array = array_of_any(name, given, what)
     if array.dtype.kind not in "biu" and array.size:
         raise TypeError(f"{name}={shown(given)}: give {what}")
     if array.dtype.kind == "u" and array.size and array.max() > 2**62:
@@ -211,6 +216,14 @@ def finite_points(name: str, points: ArrayLike, dimension: int) -> Floats:
         bad = np.argwhere(~np.isfinite(array))[0]
         raise ValueError(f"{name}{[int(i) for i in bad]} = {array[tuple(bad)]}: remove points that are not finite")
     return array
+
+
+def one_point(name: str, point: ArrayLike, dimension: int) -> Floats:
+    """Return one point as a new array (dimension,), all finite; one number for one dimension may stand by itself."""
+    array = real_array(name, point, f"{dimension} real numbers")
+    if array.shape != (dimension,) and not array.ndim == 0 < dimension < 2:
+        raise ValueError(f"{name} has shape {array.shape}: give one point, {dimension} numbers in a list")
+    return finite_points(name, array.reshape(dimension), dimension)
 
 
 def known_parameter(argument: str, name: Any, params: Mapping[str, float], what: str = "map") -> str:

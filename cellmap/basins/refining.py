@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._lib.arrays import Floats
-from .._lib.checks import finite_number, finite_points, whole_number
+from .._lib.checks import finite_number, one_point, whole_number
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
@@ -244,7 +244,7 @@ def refinement(
     if stride & (stride - 1):
         raise ValueError(f"stride={stride}: give a power of two")
     often = inf if interval is None else finite_number("interval", interval, at_least=0.0)
-    middle = None if near is None else _place(finite_points("near", near, point_map.dimension), places, point_map)
+    middle = None if near is None else _place(one_point("near", near, point_map.dimension), places, point_map)
     order = strided_tiles(places.shape, stride, middle)
     settings = {"max_periods": limits[0], "longest_period": limits[1], "map": dict(point_map.recipe)}
     store = label_store(point_map, places, settings, copies=3)  # a frame has labels and times of its own

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._lib.arrays import Complexes, Floats
-from .._lib.checks import whole_number
+from .._lib.checks import one_point, whole_number
 from .._lib.signatures import checked
 from ..maps.coordinates import state_points
 from ..maps.multilinear import MultilinearForms, multilinear_forms
@@ -270,7 +270,7 @@ class LocatedForms:
     def at(cls, point_map: PointMap, point: ArrayLike, period: int, order: int = 3) -> LocatedForms:
         """Return the derivatives at a point that is known exactly; check it, and the period."""
         exact, rounds = point_map.without_table, whole_number("period", period, at_least=1)
-        place = state_points("point", point, exact.coordinates).reshape(exact.dimension)
+        place = state_points("point", one_point("point", point, exact.dimension), exact.coordinates)
         sizes = natural_sizes(exact, place, rounds)
         found = multilinear_forms(exact, place[None], rounds, sizes, order=order)
         return cls(replace(found, tensors=tuple(t[:, :, None] for t in found.tensors)), sizes)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._lib.arrays import Floats
-from .._lib.checks import finite_points
+from .._lib.checks import one_point
 from .._lib.signatures import checked
 from ..maps.point_map import PointMap
 from ..orbits.arclength import SolutionPoint, corrected, tangent_of
@@ -107,7 +107,7 @@ def continue_orbit(
     exact, state, period = begin_orbit(point_map, orbit, parameter)
     value = float(exact.params[parameter])
     low, high = interval_between(lower, upper, value, f"{parameter}=")
-    own = None if sizes is None else finite_points("sizes", sizes, exact.dimension)
+    own = None if sizes is None else one_point("sizes", sizes, exact.dimension)
     if own is not None and not (own > 0.0).all():
         raise ValueError(f"sizes={own.tolist()}: give positive numbers")
     for end in (low, high):

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from .._compiled.codegen.kernel import period_enclosure
 from .._compiled.codegen.methods import METHOD_NAMES
 from .._lib.arrays import Floats
-from .._lib.checks import finite_number, one_of, real_array, shown, whole_number
+from .._lib.checks import finite_number, is_sequence, one_of, real_array, shown, whole_number
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .compiled_advance import FlowAdvance
@@ -275,7 +275,7 @@ def absolute_tolerances(atol: Any, axes: Sequence[Coordinate]) -> Any:
         if unknown := sorted(set(atol) - set(names), key=str):
             raise ValueError(f"atol={shown(atol)}: there is no {unknown[0]!r}; coordinates are {', '.join(names)}")
         atol = [atol.get(name, _ATOL) for name in names]
-    elif isinstance(atol, str) or np.ndim(atol) == 0:
+    elif not is_sequence(atol):
         return atol
     values = real_array("atol", atol, "a number, or one for each coordinate")
     if values.shape != (len(axes),):

@@ -11,7 +11,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from .._lib.checks import shown, whole_number
+from .._lib.checks import one_of, whole_number
 from ..bifurcations.atlas_record import AttractorAtlas
 from ..bifurcations.bifurcation_curve import BifurcationCurve
 from ..bifurcations.connecting_branches import TangencyCurve
@@ -173,9 +173,10 @@ def attractor_atlas(
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['1', '2', 'period doubling']
     """
-    known = show in range(len(atlas.families)) if isinstance(show, int) else show in ("classes", "number")
-    if isinstance(show, bool) or not known:
-        raise ValueError(f"show={shown(show)}: give 'classes', 'number' or the number of a family")
+    if isinstance(show, str):
+        one_of("show", show, ("classes", "number"))
+    else:
+        whole_number("show", show, at_most=len(atlas.families) - 1)
     ax = axes_or_new(ax)
     handles: list[Any] = []
     shading: dict[str, Any] = {"shading": "nearest", "rasterized": True}

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._lib.arrays import Bools, Floats, Ints
-from .._lib.checks import claim_memory, is_sequence, shown, whole_array, whole_number
+from .._lib.checks import array_of_any, claim_memory, shown, whole_array, whole_number
 from .._lib.signatures import checked
 from ..maps.grid import CellGrid
 
@@ -134,7 +134,7 @@ class BoxSet:
 
     def chosen(self, mask: Bools) -> BoxSet:
         """Return the subset given by a mask of shape (n,)."""
-        mask = np.asarray(mask) if is_sequence(mask) else np.array(mask)
+        mask = array_of_any("mask", mask, "an array of True and False")
         if mask.shape != self.keys.shape or mask.dtype != bool:
             raise ValueError(f"mask={shown(mask)}: give True or False for each of {len(self)} boxes")
         return BoxSet(self.grid, self.keys[mask])

@@ -6,6 +6,7 @@ from .._lib.checks import finite_number as finite_number
 from .._lib.checks import finite_points as finite_points
 from .._lib.checks import monotone_values as monotone_values
 from .._lib.checks import one_of as one_of
+from .._lib.checks import one_point as one_point
 from .._lib.checks import shown as shown
 from .._lib.checks import text as text
 from .._lib.checks import whole_number as whole_number

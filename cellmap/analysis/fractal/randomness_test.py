@@ -12,7 +12,7 @@ from scipy.integrate import quad
 from scipy.special import betainc, xlogy
 
 from ..._lib.arrays import Floats, Ints
-from ..._lib.checks import affordable_number, finite_number, whole_number
+from ..._lib.checks import affordable_number, finite_number, whole_array, whole_number
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ...basins.record import Basins
@@ -279,7 +279,7 @@ def smooth_boundary_entropy(dimension: int, cells: ArrayLike | None = None) -> f
     d = whole_number("dimension", dimension, at_least=1)
     if cells is None:
         return float(quad(lambda t: float(_two(0.5 * betainc(0.5 * (d + 1), 0.5, 1.0 - t * t))), 0.0, 1.0)[0])
-    offsets = np.asarray(cells)
+    offsets = whole_array("cells", cells, "places of cells in whole numbers, one in each row")
     if offsets.ndim != 2 or offsets.shape[1] != d or len(np.unique(offsets, axis=0)) < 2:
         raise ValueError(f"cells has the shape {offsets.shape}: give two different places of {d} coordinates or more")
     return straight_cuts(offsets)[0]

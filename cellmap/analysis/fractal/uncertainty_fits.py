@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..._lib.arrays import Bools, Floats, Ints
 from ..._lib.binomial import binomial_interval
-from ..._lib.checks import whole_number
+from ..._lib.checks import shown, whole_array, whole_number
 from ..._lib.fit import Fit, fit_line, scaling_fit
 from ..._lib.signatures import checked
 from ...basins.record import Basins
@@ -299,9 +299,9 @@ def is_rough(finest: tuple[float, float]) -> bool:
 def _steps(image: LabelImage, steps: ArrayLike | None) -> Ints:
     shortest = min(image.numbers.shape)
     if steps is not None:
-        given = np.asarray(steps)
+        given = whole_array("distances", steps, "a decreasing list of whole numbers")
         if given.ndim != 1 or not len(given) or not (np.diff(given) < 0).all():
-            raise ValueError(f"distances={steps!r}: give a decreasing list of distances in cells")
+            raise ValueError(f"distances={shown(steps)}: give a decreasing list of distances in cells")
         return np.array([whole_number("distances", k, at_least=1, at_most=max(1, shortest // 2)) for k in given])
     largest = max(1, shortest // _COARSEST)
     octaves = np.log2(largest)

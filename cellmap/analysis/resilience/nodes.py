@@ -141,10 +141,10 @@ def node_stability(
     """
     known = labeller(source, attractors, point_map, max_periods).attractors
     own = known[whole_number("label", label, at_most=len(known) - 1)]
+    check_mapping("nodes", nodes, "of names of nodes to their coordinates")
     if not nodes:
         raise ValueError("nodes is empty: give the coordinates of at least one node")
     numbers, found = random_numbers(rng), []
-    check_mapping("nodes", nodes, "of names of nodes to their coordinates")
     for node, given in nodes.items():
         if not isinstance(given, Mapping) and not callable(given):
             raise TypeError(f"nodes[{node!r}]={shown(given)}: give ranges of coordinates by name, or a distribution")

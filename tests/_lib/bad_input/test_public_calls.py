@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import itertools
 import re
 import signal
 import time
@@ -197,6 +198,18 @@ def test_a_hundred_thousand_calls() -> None:
     fuzz(list(TARGETS), 100_000)
 
 
+@pytest.mark.slow
+def test_no_argument_takes_rows_of_different_lengths() -> None:
+    """Nor do those that take arrays end in an error of NumPy's for matrices and arrays of other shapes."""
+    unlike = (RAGGED, [1, [2, 3]], np.eye(2).view(np.matrix), MATRIX, np.ones((2, 2)))
+    for name in (name for name in TARGETS if name not in LONG_TO_COMPILE):
+        for key, value in itertools.product((p.name for p in parameters(name)), unlike):
+            found = fault(name, {**good_arguments(name), key: value})
+            assert found is None or "NotProved" in found, f"{written(name, {key: value})} ends in {found}"
+
+
+RAGGED, MATRIX = [[1.0], [1.0, 2.0]], np.array([[1.0, 2.0]]).view(np.matrix)
+
 FAILED: tuple[tuple[str, dict[str, Any]], ...] = (
     ("physical_parameters", {"alpha": 2.026423672846756e49}),
     ("Fit.interval", {"confidence": Decimal("NaN")}),
@@ -230,6 +243,17 @@ FAILED: tuple[tuple[str, dict[str, Any]], ...] = (
     ("stability_coordinates", {"gravity": 2.2e-309, "amplitude": 0.0}),
     ("dimensionless_parameters", {"frequency": 5.8e-266}),
     ("dimensionless_parameters", {"frequency": 1.7e308}),
+    ("slow_equilibrium", {"near": RAGGED}),
+    ("stroboscopic_map", {"atol": RAGGED}),
+    ("trajectory", {"atol": RAGGED}),
+    ("refine_basins", {"near": MATRIX}),
+    ("BoxSet.chosen", {"mask": RAGGED}),
+    ("image_uncertainty_exponent", {"distances": RAGGED}),
+    ("smooth_boundary_entropy", {"cells": RAGGED}),
+    ("continue_orbit", {"sizes": np.ones((2, 2))}),
+    ("normal_form", {"point": np.ones((2, 2))}),
+    ("node_stability", {"nodes": MATRIX}),
+    ("plot_attractor_atlas", {"show": MATRIX}),
     ("minimal_fatal_shock", {"scale": 1.0001e-150}),
     ("minimal_fatal_shock", {"scale": (1.0001e-150, 1.0)}),
     ("minimal_fatal_shock", {"scale": (0.9e150, 1.0001e-150)}),
