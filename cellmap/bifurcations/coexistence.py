@@ -9,7 +9,7 @@ import numpy as np
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.stopping import check_stop
 from ..maps.compiled_advance import recorded
-from ..maps.coordinates import turns_of, wrap
+from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..orbits.ellipsoids import Regions, monodromy_of, regions_around
@@ -30,7 +30,7 @@ _REACH = 0.25  # and to which, at most
 _ALIKE = 0.1  # part by which a longer period has to close an orbit better to be tried in place of a shorter one
 _SAME = 1e-6  # distance, in extents, within which points are equal
 _STABLE = 1.0 - 1e-6
-_PARTS = 4  # of the way to a neighbouring parameter point, in which an attractor is followed
+_PARTS = 8  # of the way to a neighbouring parameter point, in which an attractor is followed
 _EXPONENT_PERIODS = 200
 _ZERO = 0.01  # size of an exponent per period that counts as zero
 _RETURNS = 64  # steps up to which orbits are compared with themselves later on
@@ -58,12 +58,14 @@ class Explorer:
 
         They are followed in parts of the way from where they are, so that one that moves far is not lost.
         """
-        points, rows = attractors.point, np.arange(len(attractors))
+        d, rows = len(self.extent), np.arange(len(attractors))
+        points, moved = attractors.point, np.zeros((len(attractors), d))
         for part in np.arange(1, _PARTS) / _PARTS:
-            states = np.column_stack([points, start[rows] + part * (end - start)[rows]])
+            states = np.column_stack([points + moved, start[rows] + part * (end - start)[rows]])
             solved, good = newton(self.swept, states, attractors.period[rows], self.extent, _REACH, attracting=True)
-            points, rows = solved[good, : len(self.extent)], rows[good]
-        states = np.column_stack([points, end[rows]])
+            moved = difference(solved[good, :d], points[good], self.swept.coordinates[:d])
+            points, rows = solved[good, :d], rows[good]
+        states = np.column_stack([points + moved, end[rows]])
         found, kept = periodic_attractors(self, states, place[rows], attractors.period[rows])[:2]
         rows = rows[kept]
         same = (found.period == attractors.period[rows]) & (found.rotations == attractors.rotations[rows]).all(axis=-1)

@@ -151,10 +151,17 @@ def grid(x: float, v: float) -> np.ndarray:
     return np.stack(np.meshgrid(np.linspace(-x, x, 4), np.linspace(-v, v, 4)), axis=-1).reshape(-1, 2)
 
 
-def test_folds_of_a_resonance_and_its_cusp() -> None:
-    """The plane begins below the cusp; folds at f = 0.3 by AUTO-07p."""
-    axes = ("w", np.linspace(1.0, 2.2, 11)), ("f", np.linspace(0.02, 0.5, 7))
-    atlas = attractor_atlas(resonance(), *axes, grid(2.0, 3.0))
+@pytest.mark.parametrize(
+    "axes",
+    [
+        (np.linspace(1.0, 2.2, 11), np.linspace(0.02, 0.5, 7)),
+        ([1.0, 1.24, 1.48, 1.72, 1.96, 2.2], np.linspace(0.02, 1.0, 5)),
+    ],
+)
+def test_folds_of_a_resonance_and_its_cusp(axes: tuple[Any, Any]) -> None:
+    """The plane begins below the cusp; folds at f = 0.3 by AUTO-07p.  One grid is so coarse that orbits move far."""
+    states = np.concatenate([grid(2.0, 3.0), grid(1.5, 2.0)])
+    atlas = attractor_atlas(resonance(), ("w", axes[0]), ("f", axes[1]), states)
     assert [f.size for f in atlas.families] == [atlas.number.sum()]
     np.testing.assert_allclose(crossings(atlas, "f", 0.3, "w"), [1.3242362008, 1.7797195243], atol=1e-8)
     assert atlas.explained == 1.0
