@@ -22,6 +22,8 @@ from .kinds import BifurcationKind
 from .normal_forms import NormalForm, form_at
 from .period_measures import OrbitFunction, Quantity, measured, turn_of, unwrapped
 
+_ROUNDING = 1e-10  # change of the parameter, scaled, along orbits at one value of it
+
 
 @dataclass(frozen=True, eq=False)
 class Bifurcation:
@@ -133,7 +135,19 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         span = f"{self.values.min():.6g} to {self.values.max():.6g}"
         early = {end for end in self.ends if end not in ("left the interval", "bifurcation")}
         ends = f"; ends: {', '.join(sorted(early))}" if early else ""
-        return f"Branch(period {self.period}, {len(self.values)} points, {self.parameter} from {span}: {found}{ends})"
+        where = (
+            f"a family at {self.parameter}={self.values[0]:.6g}" if self.is_family else f"{self.parameter} from {span}"
+        )
+        return f"Branch(period {self.period}, {len(self.values)} points, {where}: {found}{ends})"
+
+    @property
+    def is_family(self) -> bool:
+        """Whether orbits fill a line at one value of the parameter, to rounding, as without damping.
+
+        Along the family of a conservative system the energy changes, while a parameter that would add damping stays 0.
+        """
+        unit = self._parts[0].problem.scale[-1]
+        return bool(len(self.values) > 1 and np.ptp(self.values) <= _ROUNDING * unit)
 
     @property
     def unstable(self) -> Ints:

@@ -75,9 +75,10 @@ def solutions(
         scale = resolution(points[active], extent)
         size = np.abs(residual / scale).max(axis=-1, initial=0.0)
         finite = np.isfinite(size) & np.isfinite(there).all(axis=(-2, -1))
-        # A solution at which another one is born has no next step, and needs none.
-        closed = finite & (size <= ROUNDING)
         with np.errstate(all="ignore"):
+            singular = np.abs(np.linalg.det(there)) <= _SINGULAR
+            # A solution at which another one is born, or one of a family, has no next step, and needs none.
+            closed = finite & (size <= np.where(singular, _AMPLIFIED, ROUNDING))
             if damped:
                 foreseen = np.linalg.solve(slopes[active], residual[..., None])[..., 0]
                 before = np.linalg.norm(steps[active] / extent, axis=-1)
@@ -85,8 +86,7 @@ def solutions(
             else:
                 falls = (iteration < _FREE_ITERATIONS) | (size < 0.5 * sizes[active]) | (size < 1e-9)
         taken = finite & falls & ~closed
-        regular = taken.copy()
-        regular[taken] = np.abs(np.linalg.det(there[taken])) > _SINGULAR
+        regular = taken & ~singular
         settled[active[closed]] = True
         slopes[active[closed | regular]] = there[closed | regular]
         again = active[~taken & ~closed] if damped else active[:0]

@@ -5,6 +5,8 @@ from math import pi, sin, sqrt
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import ellipk
 
 from cellmap import ForcedSystem, angle, continue_orbit, periodic_orbit, section_map
 from cellmap.bifurcations import BifurcationKind, Branch
@@ -78,3 +80,36 @@ def test_a_period_that_reaches_the_longest_time_is_told() -> None:
     branch = on_a_circle(20.0)
     assert branch.ends[0] == "the return time reaches max_time=20"
     assert abs(branch.values[0] - sqrt(1.0 + (2.0 * pi / 20.0) ** 2)) < 1e-4
+
+
+def test_the_backbone_of_the_undamped_duffing_oscillator() -> None:
+    """The period of x'' = -x - x^3 with amplitude a is 4 K(m) / sqrt(1 + a^2), m = a^2 / (2 (1 + a^2))."""
+    free = ForcedSystem(lambda t, x, p: (x[1], -x[0] - x[0] ** 3 + p.d * x[1]), {"d": 0.0}, 2.0, ("x", "v"))
+    section = section_map(free, ("v", 0.0, -1), rtol=1e-11, atol=1e-11)
+    family = continue_orbit(section, periodic_orbit(section, [1.0]), "d", -0.1, 0.1, step=0.1, max_points=28)
+    assert family.is_family and family.bifurcations == ()
+    assert family.ends[1].startswith("the orbit shrinks to an equilibrium at d=") and family.ends[0] == "most points"
+    a = family.points[:, 0]
+    periods = 4.0 * ellipk(a**2 / (2.0 * (1.0 + a**2))) / np.sqrt(1.0 + a**2)
+    assert a.min() < 0.01 and a.max() > 10.0
+    np.testing.assert_allclose(section.returns(family.points).times, periods, rtol=1e-9)
+
+
+def test_a_nonlinear_normal_mode_is_a_family_with_a_branch_point() -> None:
+    """The in-phase mode of two oscillators (Kerschen et al. 2009), against SciPy; at rest its frequency is 1."""
+
+    def rhs(t, x, p):  # type: ignore[no-untyped-def]
+        return x[2], x[3], -2 * x[0] + x[1] - 0.5 * x[0] ** 3 + p.d * x[2], -2 * x[1] + x[0] + p.d * x[3]
+
+    pair = ForcedSystem(rhs, {"d": 0.0}, 2.0, ("x1", "x2", "v1", "v2"))
+    section = section_map(pair, ("v1", 0.0, -1), rtol=1e-11, atol=1e-11)
+    mode = periodic_orbit(section, [2.6, 6.429553940490983, 0.0])
+    family = continue_orbit(section, mode, "d", -0.1, 0.1, step=0.03, max_points=3)
+    assert family.is_family and len(family.bifurcations) == 1 and {0, 1} == set(family.unstable.tolist())
+    ends = family.points[[0, -1]]
+    for point, time in zip(ends, section.returns(ends).times, strict=True):
+        start = [*point[:2], 0.0, point[2]]
+        end = solve_ivp(
+            lambda t, x: rhs(t, x, pair.parameters), (0.0, time), start, "DOP853", rtol=1e-12, atol=1e-12
+        ).y[:, -1]
+        np.testing.assert_allclose(end, start, atol=1e-8)
