@@ -297,7 +297,8 @@ def _examine(motion, batch, points, status, members, m):
     if rung >= 0 or fate == ENDED:
         return spent
     if rung == NOT_FINITE or ratio > motion.digit or (doubtful and not _has_a_digit(motion, batch, points, k, m)):
-        if fate == ARRIVED and spent <= motion.ladder[motion.ladder.size - 1]:
+        # Where events keep equal steps from arriving, it is not known which of the two to believe.
+        if fate == ARRIVED and ratio != np.inf and spent <= motion.ladder[motion.ladder.size - 1]:
             status[k] = INACCURATE
             for j in range(points.shape[1]):
                 points[k, j] = place[0, j]
