@@ -18,6 +18,8 @@ _LIBRARY = __name__.split(".")[0]
 F = TypeVar("F", bound=Callable[..., Any])
 
 
+_LONGEST = 10**7  # numbers of a range, which takes no memory itself: going through so many takes seconds
+
 RENAMED = {"max_period": "longest_period"}
 """Arguments that had another name in cellmap 0.1, which is still accepted."""
 
@@ -91,6 +93,8 @@ def checked(function: F) -> F:
             named[now] = named.pop(before)
         for name, value in (*zip(names, args, strict=False), *named.items()):
             kind = kinds.get(name)
+            if isinstance(value, range) and len(value[: _LONGEST + 1]) > _LONGEST:
+                raise ValueError(f"{name}={value!r}: give at most {_LONGEST:,} numbers")
             if kind is not None and not kind.holds(value):
                 made = {makers(one) for one in kind.classes} - {""}
                 origin = f", made by {made.pop()}" if len(made) == 1 else ""

@@ -100,6 +100,11 @@ def labeller(
         raise TypeError(f"source={shown(source)}: give Basins, made by find_basins, or a PointMap with its attractors")
     check_attractors(attractors, used, "attractors")
     if not len(attractors):
+        if isinstance(source, Basins):
+            raise ValueError(
+                f"basins={shown(source)}: no attractor is verified, so that no state has a basin; "
+                "find_basins with a larger max_periods=, or with attractors=, if orbits approach any"
+            )
         raise ValueError("attractors is empty: without an attractor there is no basin; find attractors first")
     most = whole_number("max_periods", periods, at_least=1)
     return Labeller(used, tuple(attractors), Catalogue.of(attractors, used), most)

@@ -122,9 +122,9 @@ def boundary_dimension(
     if lattice is None:
         places = rng.integers(0, chosen[-1], (n_offsets, boundary.ndim))
         places[0] = 0
-        found = np.array([count_boxes(boundary, image.wraps, chosen, place) for place in places])
-        counts, errors = averaged(found)
-        missed = _missed(image, boundary, chosen, dict(zip(chosen, found[0], strict=True)))
+        counts, errors = averaged(count_boxes(boundary, image.wraps, chosen, place) for place in places)
+        first = count_boxes(boundary, image.wraps, chosen, places[0])
+        missed = _missed(image, boundary, chosen, dict(zip(chosen, first, strict=True)))
     else:
         measured = [sampled(image, boundary.size, size, steps, n_offsets, rng) for size in chosen]
         counts, errors = (np.array(v) for v in zip(*measured, strict=True))

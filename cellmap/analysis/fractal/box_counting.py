@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.special import stdtrit
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import stdtr, stdtrit
 
 from ..._lib.arrays import Bools, Floats
 from ..._lib.checks import finite_number, real_array
@@ -16,14 +17,17 @@ from ..._lib.fit import Fit, fit_line, scaling_fit, unseen_error
 from ..._lib.randomness import Rng
 from ..._lib.signatures import checked
 from ...maps.coordinates import Coordinate
-from .partitions import Partition, Space, distinct, dyadic_sizes, over_offsets
+from .partitions import TOGETHER, Partition, Space, distinct, dyadic_sizes, over_offsets
 
 _FEWEST_BOXES = 10
 _MISSED = 0.03
+_TOLD = 0.1  # missed in logarithms, up to which an estimate of it serves to distinguish laws of edges
+_FEWEST_POINTS = 4  # in a box for that, on average: a lattice fills boxes evenly until it suddenly does not
 _MARGIN = 0.02  # counts of straight lines on oblique grids come as close to whole numbers as this
 _LAST = 6
 _AHEAD = 100.0
-_EDGES = np.linspace(0.0, 4.0, 201)
+_EDGES = np.linspace(0.0, 4.0, 201)  # coefficients of edges, over the extent
+_EXPONENTS = (0.75, 0.5, 0.25)  # of the edges of pieces that are longer than wide
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,9 +145,13 @@ def box_dimension(
     It is :math:`D_0 = -\frac{d \ln N(s)}{d \ln s}`, where N boxes of side s contain points of the set.
 
     All dyadic sizes are counted with one sort of the points, and each other size with a sort of its own.  A size is
-    usable if the set intersects at least 10 boxes, and if the points miss at most 2 % of the boxes, by Chao's estimate
+    usable if the set intersects at least 10 boxes, and if the points miss at most 3 % of the boxes, by Chao's estimate
     from those that contain one and two points.  Among the usable sizes the scaling window is the one in
     which scatter and drift of the slope are least.
+
+    The standard error counts, in squares, scatter and drift of the slope, the choice of the window, the most that the
+    points may miss, and by how much laws of edges that fit the counts differ in the dimension: the slope of a
+    self-affine set reaches its dimension slowly.
 
     Parameters
     ----------
@@ -189,16 +197,40 @@ def box_dimension(
     """
     space = distinct(Space.of(points, coordinates, scale))
     chosen = None if sizes is None else checked_sizes(sizes)
-    counts = over_offsets(space, chosen, origin, n_offsets, rng, Partition.occupancy)  # offset, size, kind
-    tried = dyadic_sizes(space) if chosen is None else chosen
+    counts, errors = averaged(over_offsets(space, chosen, origin, n_offsets, rng, Partition.occupancy))  # size, kind
     if chosen is None:
-        tried, counts = _without_tail(tried, counts)
-    mean, errors = averaged(counts[..., 0])
-    missed = unseen(counts)
+        chosen = dyadic_sizes(space)
+        kept = _without_tail(counts[:, 0])
+        chosen, counts, errors = chosen[kept], counts[kept], errors[kept]
+    return count_of(chosen, counts, errors[:, 0], space, fit_range, placed=origin is not None)
+
+
+def count_of(
+    tried: Floats,
+    counts: Floats,
+    errors: Floats,
+    space: Space,
+    fit_range: tuple[float, float] | None,
+    placed: bool,
+) -> BoxCount:
+    """Fit mean counts (size, any | 1 | 2) of boxes on grids at random places, or on one at a given place."""
+    mean, (missed, most) = counts[:, 0], unseen(counts, space.dimension)
     usable = (mean >= _FEWEST_BOXES) & (missed <= _MISSED)
+    x, logs = -np.log(tried), np.log(mean)
     # A grid in a given place has no mean over places, of which alone Steiner's formula speaks.
-    raised = edge_boxes(tried, mean, usable, space) if origin is None else np.zeros(len(tried))
-    return fitted("points", tried, mean, errors, missed, usable, -raised, fit_range)
+    edges, likely = edge_laws(tried / space.extent, 0 if placed else space.dimension)
+    raised = best_law(x[usable], logs[usable], edges[: len(_EDGES), usable]) if np.count_nonzero(usable) > 3 else 0
+    found = fitted("points", tried, mean, errors, missed, usable, -edges[raised], fit_range)
+    part = found.fit.inside
+    unsure, *slopes = slopes_of(x[part], np.vstack([-np.log1p(-most), edges])[:, part])
+    # Laws are distinguished at further sizes as well, where what is missed is taken as midway between its bounds.
+    lost = -0.5 * (np.log1p(-missed) + np.log1p(-most))
+    told = np.append(((lost > _TOLD) | (_FEWEST_POINTS * mean > len(space.points)))[part.stop :], True)
+    part = slice(part.start, part.stop + int(np.argmax(told)))
+    weights = law_weights(x[part], (logs + lost - edges)[:, part], (errors / mean)[part], likely, space.dimension)
+    spread = np.sqrt(weights @ (np.array(slopes) - slopes[raised]) ** 2)
+    error = float(np.linalg.norm([found.standard_error, spread, unsure]))
+    return replace(found, fit=replace(found.fit, standard_error=error))
 
 
 def checked_sizes(sizes: ArrayLike, name: str = "sizes") -> Floats:
@@ -209,38 +241,85 @@ def checked_sizes(sizes: ArrayLike, name: str = "sizes") -> Floats:
     return chosen
 
 
-def averaged(counts: Floats) -> tuple[Floats, Floats]:
-    """Return means over the first axis and their standard errors, 0 for one entry."""
-    n = len(counts)
-    return counts.mean(axis=0), counts.std(axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.zeros(counts.shape[1:])
+def averaged(found: Iterable[NDArray[Any]]) -> tuple[Floats, Floats]:
+    """Return means and their standard errors, 0 for one entry; of many arrays few are kept (Chan et al. 1979)."""
+    count, mean, squares, rest = 0, np.zeros(()), np.zeros(()), iter(found)
+    while part := list(islice(rest, TOGETHER)):
+        block = np.asarray(part, dtype=np.float64)
+        count += len(block)
+        away = block.mean(axis=0) - mean
+        squares = squares + ((block - block.mean(axis=0)) ** 2).sum(axis=0)
+        squares = squares + away**2 * (len(block) * (count - len(block)) / count)
+        mean = mean + away * (len(block) / count)
+    return mean, np.sqrt(squares / max(count - 1, 1) / count)
 
 
-def unseen(counts: Floats) -> Floats:
-    """Return the estimated fraction of boxes that points miss (Chao 1984), from counts (offset, size, any | 1 | 2)."""
-    boxes, ones, twos = counts.mean(axis=0).T
-    lost = ones * np.maximum(ones - 1.0, 0.0) / (2.0 * (twos + 1.0))
-    return np.asarray(lost / (boxes + lost))
+def unseen(counts: Floats, dimension: int) -> tuple[Floats, Floats]:
+    """Return the least and the most that points may miss of the boxes, from mean counts (size, any | 1 | 2).
+
+    With f1 and f2 boxes that contain one and two points, Chao's lower bound (1984) of the boxes missed is f1**2/(2 f2),
+    exact for boxes of equal weight.  But a grid cuts boxes that hold arbitrarily little of the set: of a tip that
+    reaches a distance t into a box, the weight goes like t to the power of a dimension, and t is uniform, so that a
+    number like p**(1/dimension) of boxes weigh less than p.  Then the number missed by n points goes like n**-b with b
+    of at least 1/dimension, of which f1 and f2 are derivatives: f1/b boxes are missed, and b is 2 f2/f1 - 1.
+    """
+    boxes, ones, twos = counts[:, :3].T
+    least = ones * np.maximum(ones - 1.0, 0.0) / (2.0 * (twos + 1.0))
+    most = ones**2 / np.maximum(np.maximum(2.0 * twos - ones, ones / dimension), 1e-9)
+    return np.asarray(least / (boxes + least)), np.asarray(most / (boxes + most))
 
 
-def edge_boxes(sizes: Floats, counts: Floats, usable: Bools, space: Space) -> Floats:
-    """Return by how much boxes that only touch the edges of a set raise the logarithms of counts.
+def edge_laws(parts: Floats, dimension: int) -> tuple[Floats, Floats]:
+    """Return laws by which edges may raise the logarithms of counts, shape (laws, sizes), and how likely each is.
 
     On grids at random places a brick with the sides a, b, ... meets (1 + a/s) (1 + b/s) ... boxes of the size s on
     average (Steiner's formula): more than a b .../s**d by factors like 1 + s/a, and other sets have ends and edges too.
-    Of the factors (1 + c s)**d, with c from 0 to four over the extent, that one is taken with which the counts of the
-    usable sizes are closest to a line.  It does not matter at small sizes, and bends the line at large ones.
+    The first laws are (1 + c s)**d, with c from 0 to four over the extent.  It does not matter at small sizes, and
+    bends the line at large ones.  The pieces of the width s of a self-affine set are longer than wide, a = s**(1 - e),
+    so that the factor is 1 + c s**e, and the slope reaches the dimension the more slowly, the smaller e is: on a carpet
+    of McMullen, contracted by n and m < n, e is 1 - ln m/ln n.  No edges, those of the whole set and those of
+    pieces, with one of three exponents e, count as equally likely.
+
+    Parameters
+    ----------
+    parts : ndarray, shape (n,)
+        Sizes in extents of the set.
+    dimension : int
+        Of the space; 0 for boxes in a given place, where nothing is raised.
     """
-    parts, d = sizes / space.extent, space.dimension
-    if np.count_nonzero(usable) < 4:
-        return np.zeros(len(sizes))
-    x = -np.log(parts[usable])
-    raised = d * np.log1p(_EDGES[:, None] * parts)
-    trials = np.log(counts[usable]) - raised[:, usable]
+    whole = dimension * np.log1p(_EDGES[:, None] * parts)
+    pieces = [min(dimension, 1) * np.log1p(_EDGES[1:, None] * parts**e) for e in _EXPONENTS]
+    alike, n = np.full(len(_EDGES) - 1, 1.0 / (len(_EDGES) - 1)), len(_EXPONENTS)
+    return np.concatenate([whole, *pieces]), np.concatenate([[1.0], alike, *[alike / n] * n])
+
+
+def best_law(x: Floats, logs: Floats, laws: Floats) -> int:
+    """Return the number of the law with which logarithms of counts are closest to a line, 0 where none is needed."""
     design = np.stack([np.ones_like(x), x], axis=1)
-    rest = np.linalg.lstsq(design, trials.T, rcond=None)[1]
+    rest = np.linalg.lstsq(design, (logs - laws).T, rcond=None)[1]
     freedom = max(len(x) - 3, 1)
     needed = rest[0] > rest.min() * (1.0 + stdtrit(freedom, 0.975) ** 2 / freedom)
-    return np.asarray(raised[np.argmin(rest)] if needed else raised[0])
+    return int(np.argmin(rest)) if needed else 0
+
+
+def law_weights(x: Floats, logs: Floats, errors: Floats, likely: Floats, dimension: int) -> Floats:
+    """Return the probability of each law by how close to a line it leaves logarithms of counts, a row for each law.
+
+    These are Bayes' weights for lines with unknown slope, intercept and scatter, of which the errors by the places of
+    the grid tell as much as one more point, and a slope above the dimension of the space is impossible.
+    """
+    n, slope, about = len(x), slopes_of(x, logs), x - x.mean()
+    rest = ((logs - logs.mean(axis=1, keepdims=True) - slope[:, None] * about) ** 2).sum(axis=1)
+    rest += np.mean(errors**2) + 1e-24  # counts on one grid have no errors, and may be on a line to rounding
+    possible = stdtr(n - 1, (dimension - slope) / np.sqrt(rest / (n - 1) / (about @ about)))
+    weights = likely * np.maximum(possible, 1e-300) * (rest / rest.min()) ** (-0.5 * (n - 1))
+    return np.asarray(weights / weights.sum())
+
+
+def slopes_of(x: Floats, y: Floats) -> Floats:
+    """Return the slopes of the lines of least squares through rows of points."""
+    about = x - x.mean()
+    return np.asarray(y @ about / (about @ about))
 
 
 def fitted(
@@ -274,11 +353,11 @@ def fit_sizes(
 ) -> Fit:
     """Fit a line among usable sizes, or between two given ones."""
     if window is None:
-        if np.count_nonzero(usable) < 3:
-            remedy = "cells, or samples=1" if subject == "basins" else "points"
+        if not (usable[:-2] & usable[1:-1] & usable[2:]).any():
+            remedy = "cells, or lattice=1" if subject == "basins" else "points"
             raise ValueError(
                 f"{subject}: {np.count_nonzero(usable)} sizes of boxes lie between those that saturate at either end, "
-                f"and a window needs 3; give more {remedy}, or choose sizes= and window="
+                f"and a window needs 3 neighbours; give more {remedy}, or choose sizes= and fit_range="
             )
         fit = scaling_fit(x, np.where(usable, y, np.nan), labels=labels, to_the_end=to_the_end)
         return replace(fit, y=y)
@@ -289,9 +368,7 @@ def fit_sizes(
     return scaling_fit(x, y, (int(chosen[0]), int(chosen[-1])), labels=labels)
 
 
-def _without_tail(sizes: Floats, counts: Floats) -> tuple[Floats, Floats]:
+def _without_tail(boxes: Floats) -> slice:
     """Leave out small sizes at which nearly each point has a box of its own, all but one."""
-    boxes = counts[..., 0].mean(axis=0)
     last = int(np.argmax(boxes >= 0.98 * boxes[-1]))
-    kept = slice(0, max(min(last + 2, len(sizes)), 3))
-    return sizes[kept], counts[:, kept]
+    return slice(0, max(min(last + 2, len(boxes)), 3))

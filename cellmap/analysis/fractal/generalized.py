@@ -15,7 +15,7 @@ from ..._lib.fit import Fit
 from ..._lib.randomness import Rng
 from ..._lib.signatures import checked
 from ...maps.coordinates import Coordinate
-from .box_counting import checked_sizes, fit_sizes, unseen
+from .box_counting import averaged, checked_sizes, fit_sizes, unseen
 from .partitions import Partition, Space, dyadic_sizes, over_offsets
 
 if TYPE_CHECKING:
@@ -146,14 +146,13 @@ def generalized_dimensions(
     def measure(part: Partition) -> Floats:
         return np.concatenate([part.occupancy(), part.moments(fractions, q)], axis=1)
 
-    found = over_offsets(space, chosen, origin, n_offsets, rng, measure, ordered=weights is not None)
+    found = averaged(over_offsets(space, chosen, origin, n_offsets, rng, measure, ordered=weights is not None))[0]
     tried = dyadic_sizes(space) if chosen is None else chosen
-    counts = found[..., :3]
-    mean = counts[..., 0].mean(axis=0)
-    usable = (mean >= _FEWEST_BOXES) & (unseen(counts) <= _MISSED)
+    mean = found[:, 0]
+    usable = (mean >= _FEWEST_BOXES) & (unseen(found, space.dimension)[0] <= _MISSED)
     if weights is None:
         usable &= mean * _FEWEST_POINTS <= len(fractions)
-    sums = found[..., 3:].mean(axis=0).T
+    sums = found[:, 3:].T
     informations = np.array(
         [-s if order == 1.0 else np.log(s) / (1.0 - order) for order, s in zip(q, sums, strict=True)]
     )

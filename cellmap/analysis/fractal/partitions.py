@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,10 +13,11 @@ from ..._compiled.kernels.boxes import moments, morton_keys, separations
 from ..._lib.arrays import Floats, Ints
 from ..._lib.checks import affordable_number, finite_points, real_array, shown
 from ..._lib.randomness import Rng, random_numbers
-from ..._lib.threads import run_over
+from ..._lib.threads import run_over, slices
 from ...maps.coordinates import Coordinate, as_coordinates, turns_of, wrap
 
 _KEY_BITS = 62
+TOGETHER = 64  # offsets whose counts are kept at a time
 _FINEST = 40  # halvings of the extent; floating-point numbers have few more digits
 
 
@@ -196,14 +197,14 @@ def over_offsets(
     rng: Rng,
     measure: Callable[[Partition], NDArray[Any]],
     ordered: bool = False,
-) -> Floats:
-    """Measure partitions at several offsets of the grid, drawn at random; return an array (offsets, sizes, ...).
+) -> Iterator[NDArray[Any]]:
+    """Measure partitions at several offsets of the grid, drawn at random; yield an array (sizes, ...) for each.
 
     Without sizes these are those of :func:`dyadic_sizes`.  An `origin` is a corner of a box, in the place of random
     offsets; circles are cut where they are.  ``measure(partition)`` returns an array whose first axis are the sizes
     that a partition stands for; `ordered` keeps the order of the points.
     """
-    offsets = affordable_number("n_offsets", offsets, 8 * (space.dimension + 4 * _FINEST), at_least=1)
+    offsets = affordable_number("n_offsets", offsets, 8 * space.dimension, at_least=1)
     if origin is not None:
         place = real_array("origin", origin)
         place = np.full(space.corner.shape, place) if place.ndim == 0 else place
@@ -223,4 +224,5 @@ def over_offsets(
             return measure(dyadic_partition(space, shift, ordered))
         return np.concatenate([measure(partition(space, float(s), shift, ordered)) for s in sizes])
 
-    return np.asarray(run_over(list(shifts), work), dtype=np.float64)
+    for part in slices(len(shifts), TOGETHER):
+        yield from run_over(list(shifts[part]), work)

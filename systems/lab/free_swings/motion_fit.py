@@ -56,6 +56,8 @@ class MotionFit:
         Parameters that ended on a bound: their intervals are one-sided, and zero means that there is none of it.
     converged : bool
         Whether the least squares converged.
+
+    A parameter whose standard error exceeds its value is `undetermined`: the measurement does not tell it from zero.
     """
 
     system: ForcedSystem
@@ -76,9 +78,16 @@ class MotionFit:
             if n in self.system.params
         )
         flaws = [f"{n} on its bound" for n in self.at_bound] + ([] if self.converged else ["not converged"])
+        flaws += [f"{n} undetermined" for n in self.undetermined]
         if self.correlation > _FOLLOWING:
             flaws.append(f"residuals follow each other, {self.correlation:.2f}")
         return f"MotionFit({'; '.join([values, f'RMSE {self.rmse:.3g}', *flaws])})"
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Fitted parameters whose standard errors exceed their values, but for those on a bound."""
+        fitted = [n for n in self.estimates if n in self.system.params and n not in self.at_bound]
+        return tuple(n for n in fitted if not self.standard_errors[n] <= abs(self.estimates[n]))
 
     @property
     def residuals(self) -> Floats:
@@ -214,7 +223,9 @@ def _past_stops(job: Simulation, found: OptimizeResult, bounds: tuple[Floats, Fl
 def _record(job: Simulation, found: OptimizeResult, bounds: tuple[Floats, Floats]) -> MotionFit:
     q, simulated = found.x, job(found.x[None])[0]
     if not np.isfinite(simulated).all():
-        raise ValueError(f"system={job.system!r}: its motion ends in a failure of the integration; change start=")
+        raise ValueError(
+            f"system={job.system!r}: its motion ends in a failure of the integration; change initial_condition="
+        )
     rest = job.measured - simulated
     count, free = int(job.seen.sum()), q.size
     total = float(np.nansum(rest**2))
@@ -262,7 +273,7 @@ def _measured(times: ArrayLike, measured: ArrayLike) -> tuple[Floats, Floats]:
 def _start(t: Floats, x: Floats, system: ForcedSystem, start: Sequence[float] | None) -> Floats:
     """First guess of the state at the first time: a parabola through the first samples of each column."""
     if start is not None:
-        return finite_points("start", start, system.dimension).reshape(system.dimension)
+        return finite_points("initial_condition", start, system.dimension).reshape(system.dimension)
     if system.dimension != 2 * x.shape[1]:
         raise ValueError(
             f"initial_condition=None: of the {system.dimension} coordinates of {system.name} {x.shape[1]} are "

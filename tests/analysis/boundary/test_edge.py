@@ -187,3 +187,12 @@ def test_figures(pendulum: Basins, wells: Basins) -> None:
     plot.fit(edge.growth)
     with pytest.raises(TypeError, match="edge_orbit"):
         plot.edge_orbit(wells)  # type: ignore[arg-type]
+
+
+def test_without_an_attractor_it_says_so() -> None:
+    """The fixed points 1 and -1 of 2 x - x**3 have the multiplier -1, and orbits approach them like 1/sqrt(n)."""
+    cubic = discrete_map(lambda x, p: (2.0 * x[0] - x[0] ** 3,), {}, ("x",))
+    with pytest.warns(UserWarning, match="undecided"):
+        basins = find_basins(cubic, CellGrid((-1.4,), (1.4,), (10,)), max_periods=200)
+    with pytest.raises(ValueError, match=r"basins=.*no attractor is verified.*attractors="):
+        edge_orbit(basins)

@@ -188,7 +188,7 @@ def test_manual_window():
         ({"points": np.zeros((5, 2))}, "all of them are the same"),
         ({"points": np.zeros(5)}, "one point a row"),
         ({"points": [[0.0], [np.nan]]}, "remove"),
-        ({"points": [[0.0], [1.0], [2.0]]}, "0 sizes of boxes lie between"),
+        ({"points": [[0.0], [1.0], [2.0]]}, "0 sizes of boxes lie between.*choose sizes= and fit_range="),
         ({"points": line(999), "sizes": [0.1, 0.2]}, "at least three different positive sizes"),
         ({"points": line(999), "fit_range": (0.3, 0.31)}, "fit_range=.* contains 0 sizes"),
         ({"points": line(999), "scale": -1.0}, "positive length"),

@@ -325,3 +325,14 @@ def test_dry_friction_of_a_short_swing() -> None:
     for name, value in true.items():
         assert found.estimates[name] == pytest.approx(value, abs=4.0 * found.standard_errors[name])
     assert found.rmse == pytest.approx(0.0067, rel=0.15)
+
+
+def test_parameters_that_the_motion_does_not_tell_are_named(
+    film: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> None:
+    """A pendulum tells gravity over length alone."""
+    times, angles = film
+    both = fit_motion(rod(length=0.07), times, noisy(angles, 0), ["length", "gravity", "damping"])
+    assert both.undetermined == ("length", "gravity")
+    assert "length undetermined" in repr(both)
+    assert fit_motion(rod(length=0.07), times, noisy(angles, 0), ["length", "damping"]).undetermined == ()
