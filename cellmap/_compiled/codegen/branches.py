@@ -118,7 +118,14 @@ class BranchingGraph(Graph):
 
     def compare(self, a: Any, b: Any, *, strictly: bool) -> Comparison:
         """Return the comparison a > b, or a >= b."""
-        return Comparison(self, self.difference(a, b), strictly)
+        return Comparison(self, self.ordered(self.difference(a, b)), strictly)
+
+    def ordered(self, difference: Expression) -> Expression:
+        """Return a difference that is compared: Python has complex powers of negative numbers, without an order."""
+        powers = [e for e in in_order([difference]) if e.operation == "pow"] if not self.modes else []
+        if powers and not self.answer(self.plain("defined", difference)):
+            raise UndefinedError("TypeError: complex numbers have no order")
+        return difference
 
     def difference(self, a: Any, b: Any) -> Expression:
         """Subtract expressions or numbers."""

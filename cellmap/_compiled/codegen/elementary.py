@@ -105,7 +105,9 @@ class _Float(float):
     """What ``float`` is to a traced function: expressions are numbers already."""
 
     def __new__(cls, value: Any = 0.0) -> Any:
-        return value if isinstance(value, Expression | Comparison) else float(value)
+        if isinstance(value, Comparison):
+            return value.number()
+        return value if isinstance(value, Expression) else float(value)
 
 
 class _Int(int):

@@ -58,6 +58,17 @@ class UndefinedError(UntraceableError):
     """A function raises an exception of its own: where it does so it has no value."""
 
 
+SUM_OF_COMPARISONS = (
+    "a function that uses NumPy adds comparisons, subtracts or inverts them: of Python's numbers "
+    "(a > b) + (c > d) counts, and of NumPy's it is `or`. Write float(a > b) + float(c > d) to count, "
+    "a > b or c > d for one of both, and `not` for ~"
+)
+
+
+class ComparisonError(TypeError):
+    """Arithmetic of truth values, which is another one for Python's numbers than for NumPy's."""
+
+
 class ImpureError(ValueError):
     """A function gives other values when it is called again."""
 
@@ -163,16 +174,26 @@ class Comparison:
     def __bool__(self) -> bool:
         return self.graph.answer(self.difference, self.strictly) is not self.inverted
 
-    def __and__(self, other: Any) -> bool:
-        return bool(self) and bool(other)
+    def __and__(self, other: Any) -> Answer:
+        return Answer(self.graph, bool(self) and bool(other))
 
-    def __or__(self, other: Any) -> bool:
-        return bool(self) or bool(other)
+    def __or__(self, other: Any) -> Answer:
+        return Answer(self.graph, bool(self) or bool(other))
 
-    def __invert__(self) -> Comparison:
-        return Comparison(self.graph, self.difference, self.strictly, not self.inverted)
+    def __xor__(self, other: Any) -> Answer:
+        return Answer(self.graph, bool(self) is not bool(other))
 
-    __rand__, __ror__ = __and__, __or__
+    def __eq__(self, other: Any) -> Any:
+        return Answer(self.graph, bool(self) == other)
+
+    def __ne__(self, other: Any) -> Any:
+        return Answer(self.graph, bool(self) != other)
+
+    __rand__, __ror__, __rxor__, __hash__ = __and__, __or__, __xor__, object.__hash__
+
+    def number(self) -> Expression:
+        """Return one where the comparison holds, else nought."""
+        return self.choose(1.0, 0.0)
 
     def choose(self, a: Any, b: Any) -> Expression:
         """Return a where the comparison holds, else b."""
@@ -181,12 +202,65 @@ class Comparison:
         return chosen
 
 
-for _name in "add radd sub rsub mul rmul truediv rtruediv neg pos pow rpow".split():
+class Both(Comparison):
+    """A product of comparisons, which is a truth value of NumPy's if they are."""
 
-    def _of_number(self: Comparison, *operands: Any, _method: str = f"__{_name}__") -> Any:
-        return getattr(self.choose(1.0, 0.0), _method)(*operands)
+    __slots__ = ("factors",)
 
-    setattr(Comparison, f"__{_name}__", _of_number)
+    def __init__(self, *factors: Comparison) -> None:
+        self.graph, self.factors = factors[0].graph, factors
+
+    def __bool__(self) -> bool:
+        return all(map(bool, self.factors))
+
+    def number(self) -> Expression:
+        """Return one where both hold, else nought."""
+        return reduce(operator.mul, (factor.number() for factor in self.factors))
+
+    def choose(self, a: Any, b: Any) -> Expression:
+        """Return a where both hold, else b."""
+        return reduce(lambda chosen, factor: factor.choose(chosen, b), self.factors, self.graph.lift(a))
+
+
+class Answer(int):
+    """The answer of a comparison that has been asked, or of several."""
+
+    graph: Any
+
+    def __new__(cls, graph: Any, value: bool) -> Answer:
+        """Keep the graph of the comparison."""
+        answer = super().__new__(cls, value)
+        answer.graph = graph
+        return answer
+
+    __and__, __or__, __xor__ = Comparison.__and__, Comparison.__or__, Comparison.__xor__
+    __rand__, __ror__, __rxor__ = __and__, __or__, __xor__
+
+    def number(self) -> Expression:
+        """Return the number."""
+        found: Expression = self.graph.constant(float(self))
+        return found
+
+
+def _truth_arithmetic(kind: type[Any], name: str) -> None:
+    """Give comparisons an operation of numbers, where Python and NumPy agree about that."""
+    method, counts = f"__{name}__", name.removeprefix("r") in {"add", "sub", "neg", "pos", "invert"}
+
+    def apply(self: Any, *operands: Any) -> Any:
+        if counts and self.graph.of_numpy and all(isinstance(o, Comparison | Answer) for o in operands):
+            raise ComparisonError(SUM_OF_COMPARISONS)
+        if name == "mul" and self.graph.of_numpy and isinstance(operands[0], Comparison):
+            return Both(self, operands[0]) if isinstance(self, Comparison) else operands[0] & self
+        if name == "mul" and self.graph.of_numpy and isinstance(operands[0], Answer):
+            return self & operands[0]
+        return -1.0 - self.number() if name == "invert" else getattr(self.number(), method)(*operands)
+
+    setattr(kind, method, apply)
+
+
+for _name in "add radd sub rsub mul rmul truediv rtruediv neg pos pow rpow invert".split():
+    for _kind in (Comparison, Answer):
+        _truth_arithmetic(_kind, _name)
 
 
 class Graph:
@@ -194,6 +268,9 @@ class Graph:
 
     modes = False
     """Whether the sides of conditions are inputs, as they are for a motion."""
+
+    of_numpy = True
+    """Whether comparisons in the function may be those of NumPy's numbers."""
 
     def __init__(self) -> None:
         self._nodes: dict[tuple[Any, ...], Expression] = {}
@@ -219,7 +296,7 @@ class Graph:
         if isinstance(value, Expression):
             return value
         if isinstance(value, Comparison):
-            return value.choose(1.0, 0.0)
+            return value.number()
         try:
             return self.constant(value)
         except (TypeError, ValueError) as error:

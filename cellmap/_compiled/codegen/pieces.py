@@ -43,7 +43,7 @@ def is_number(function: Expression, modes: bool) -> bool:
 
 def _python_rule(larger: bool) -> Rule:
     """Return Python's choice: the second operand if it is larger, or smaller, else the first."""
-    return lambda graph, a, b: graph.choose(graph.difference(*((b, a) if larger else (a, b))), b, a)
+    return lambda graph, a, b: graph.choose(graph.ordered(graph.difference(*((b, a) if larger else (a, b)))), b, a)
 
 
 def _numpy_rule(larger: bool, keep: bool) -> Rule:

@@ -111,6 +111,42 @@ def rebind(
     return _rebind_callable(getattr(function, "py_func", function), copy)
 
 
+def uses_numpy(item: Any, seen: set[int] | None = None) -> bool:
+    """Tell whether a function, or one that it calls, may compute with NumPy's numbers: it reads NumPy, or an object.
+
+    Examples
+    --------
+    >>> uses_numpy(lambda x: math.sin(x)), uses_numpy(lambda x: np.sin(x))
+    (False, True)
+    """
+    seen = set() if seen is None else seen
+    if (
+        id(item) in seen
+        or item is None
+        or (isinstance(item, int | float | str | type) and not isinstance(item, np.generic))
+    ):
+        return False
+    seen.add(id(item))
+    item = getattr(item, "py_func", item)
+    inner: list[Any]
+    if isinstance(item, types.FunctionType):
+        names = global_names(item.__code__)
+        inner = [item.__globals__[n] for n in names if n in item.__globals__]
+        inner += [c.cell_contents for c in item.__closure__ or ()]
+        inner += [*(item.__defaults__ or ()), *(item.__kwdefaults__ or {}).values()]
+        if "numpy" in names_in(item.__code__):
+            return True
+    elif isinstance(item, functools.partial):
+        inner = [item.func, *item.args, *item.keywords.values()]
+    elif isinstance(item, list | tuple):
+        inner = list(item)
+    else:
+        return not (
+            item is math or (isinstance(item, types.BuiltinFunctionType) and item.__module__ in {"math", "builtins"})
+        )
+    return any(uses_numpy(part, seen) for part in inner)
+
+
 def over_arrays(function: Callable[..., Any]) -> Callable[..., Any]:
     """Copy a plain function of numbers into one of arrays.
 

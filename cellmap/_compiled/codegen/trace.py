@@ -17,13 +17,14 @@ from .elementary import elementary_functions
 from .evaluation import evaluated
 from .expression import (
     JUMPING,
+    ComparisonError,
     Expression,
     UndefinedError,
     UntraceableError,
     in_order,
     is_analytic,
 )
-from .rebind import rebind
+from .rebind import rebind, uses_numpy
 from .tables import TableError
 
 CONSTANT, TIMED, STATEFUL = range(3)
@@ -67,12 +68,13 @@ class Trace:
     ) -> Callable[[], Sequence[Any]]:
         """Return how to run ``function(t, x, p, ...)`` on the inputs; what it raises is the reason why that fails."""
         record = parameter_record(tuple(names))(*self.parameters)
+        self.graph.of_numpy = any("[" in name for name in names) or uses_numpy(function)
 
         def run() -> Sequence[Any]:
             try:
                 twin = rebind(function, elementary_functions())
                 return tuple(self.graph.lift(e) for e in twin(self.time, State(self.states), record, *further))
-            except (StateChangedError, TableError, UntraceableError):
+            except (ComparisonError, StateChangedError, TableError, UntraceableError):
                 raise
             except Exception as error:
                 kind = UndefinedError if _is_meant(error) else UntraceableError

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import math
+import operator
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -15,9 +16,10 @@ import numpy as np
 
 from ..forking import COMPILING
 from ..machine_code import vector_width
+from .expression import SUM_OF_COMPARISONS, ComparisonError
 from .instructions import Instructions, Value
 from .period import CompiledPeriod, PerStep, Step, Values, compiled_period
-from .rebind import rebind
+from .rebind import rebind, uses_numpy
 from .runge_kutta import Call
 from .trace import parameter_record
 
@@ -50,6 +52,8 @@ def compiled_untraced(
     with COMPILING:
         try:
             called = _compiled(function, dimension, names)
+        except ComparisonError:
+            raise
         except Exception as error:
             raise TypeError(_first_sentence(error)) from error
     step = write(lambda out: _prepared(out, dimension))
@@ -86,7 +90,7 @@ def _compiled(function: Callable[..., Any], dimension: int, names: tuple[str, ..
     numba = importlib.import_module("numba")
     compiler, width = numba.njit(**OF_USERS), vector_width()
     # Whole parts of huge numbers stay numbers: those of math are whole numbers of 64 bits.
-    table = {"int": compiler(_whole), "round": compiler(_nearest), "floor": np.floor}
+    table = {"int": compiler(_whole), "round": compiler(_nearest), "float": compiler(_number), "floor": np.floor}
     values, places = [f"y{j}" for j in range(dimension)], [f"i + {j * width}" for j in range(dimension)]
     state = "".join(f"x[{place}], " for place in places)
     # Read before the loop, lest they seem to change with what is written in it.
@@ -105,10 +109,30 @@ def _compiled(function: Callable[..., Any], dimension: int, names: tuple[str, ..
         f"        {', '.join(values)}, = caught(t, ({state}), parameters)",
         *(f"        y[{place}] = {value}" for place, value in zip(places, values, strict=True)),
     ]
-    scope = {"rhs": rebind(function, table, compiler), "Parameters": parameter_record(names), "nan": math.nan}
+    made: list[Any] = []
+
+    def kept(copy: Any) -> Any:
+        made.append(compiler(copy))
+        return made[-1]
+
+    scope = {"rhs": rebind(function, table, kept), "Parameters": parameter_record(names), "nan": math.nan}
     exec("\n".join(lines), scope)  # the text is our own, never a user's
     scope["caught"] = numba.njit(error_model="numpy", forceinline=True)(scope["caught"])
-    return numba.cfunc(_FUNCTION, error_model="numpy")(scope["called"])
+    called = numba.cfunc(_FUNCTION, error_model="numpy")(scope["called"])
+    versions = [version.type_annotation for f in made for version in f.overloads.values()]
+    if uses_numpy(function) and any(_adds_truth_values(numba, types) for types in versions):
+        raise ComparisonError(SUM_OF_COMPARISONS)
+    return called
+
+
+def _adds_truth_values(numba: Any, types: Any) -> bool:
+    """Tell whether a compiled function adds two comparisons, which it does as Python's numbers do."""
+    return any(
+        getattr(call, "op", "") == "binop"
+        and call.fn in {operator.add, operator.sub}
+        and all(isinstance(types.typemap[side.name], numba.types.Boolean) for side in (call.lhs, call.rhs))
+        for call in types.calltypes
+    )
 
 
 def _whole(x: Any) -> int:
@@ -116,6 +140,12 @@ def _whole(x: Any) -> int:
     if not abs(x) < 2.0**63:
         raise OverflowError("a whole number is larger than 2**63")
     return int(x)
+
+
+def _number(x: Any = 0.0) -> float:
+    """Stand for ``float`` in compiled functions, of a comparison too."""
+    number: float = 1.0 * x
+    return number
 
 
 def _nearest(x: Any, digits: int | None = None) -> Any:

@@ -22,7 +22,8 @@ OF_TWO: list[Function] = [
     np.maximum, np.minimum, np.fmax, np.fmin, np.copysign, np.heaviside, max, min, np.divide, np.multiply, np.add,
     lambda a, b: 1.0 if a > b else -2.0, lambda a, b: 1.0 if a >= b else -2.0, lambda a, b: 1.0 if not a <= b else -2.0,
     lambda a, b: np.where(a <= b, a, -2.0) * 1.0, lambda a, b: np.where(a < 0.0, 3.0, b) * 1.0,
-    lambda a, b: max(a, b, 0.5), lambda a, b: min(1.0, a, b, -1.0), lambda a, b: np.where(~(a >= b), a, b) * 1.0,
+    lambda a, b: max(a, b, 0.5), lambda a, b: min(1.0, a, b, -1.0),
+    lambda a, b: np.where(np.logical_not(a >= b), a, b) * 1.0,
 ]  # fmt: skip
 PLACES = [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (-0.0, 1.0), (0.3, -0.7), (-2.0, 1.5), (0.0, -1.0), (1.0, 1.0)]
 
