@@ -60,7 +60,7 @@ class UndefinedError(UntraceableError):
 
 SUM_OF_COMPARISONS = (
     "a function that uses NumPy adds comparisons, subtracts or inverts them: of Python's numbers "
-    "(a > b) + (c > d) counts, and of NumPy's it is `or`. Write float(a > b) + float(c > d) to count, "
+    "(a > b) + (c > d) counts, and of NumPy's it is `or`. Write 1.0 * (a > b) + 1.0 * (c > d) to count, "
     "a > b or c > d for one of both, and `not` for ~"
 )
 

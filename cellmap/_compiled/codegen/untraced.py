@@ -90,7 +90,7 @@ def _compiled(function: Callable[..., Any], dimension: int, names: tuple[str, ..
     numba = importlib.import_module("numba")
     compiler, width = numba.njit(**OF_USERS), vector_width()
     # Whole parts of huge numbers stay numbers: those of math are whole numbers of 64 bits.
-    table = {"int": compiler(_whole), "round": compiler(_nearest), "float": compiler(_number), "floor": np.floor}
+    table = {"int": compiler(_whole), "round": compiler(_nearest), "floor": np.floor}
     values, places = [f"y{j}" for j in range(dimension)], [f"i + {j * width}" for j in range(dimension)]
     state = "".join(f"x[{place}], " for place in places)
     # Read before the loop, lest they seem to change with what is written in it.
@@ -140,12 +140,6 @@ def _whole(x: Any) -> int:
     if not abs(x) < 2.0**63:
         raise OverflowError("a whole number is larger than 2**63")
     return int(x)
-
-
-def _number(x: Any = 0.0) -> float:
-    """Stand for ``float`` in compiled functions, of a comparison too."""
-    number: float = 1.0 * x
-    return number
 
 
 def _nearest(x: Any, digits: int | None = None) -> Any:
