@@ -14,7 +14,7 @@ from ..maps.grazing import GRAZING as GRAZES
 from ..maps.grazing import contacts
 from ..maps.point_map import PointMap
 from ..maps.stroboscopic import Stroboscopic
-from ..orbits.arclength import FAR, LOST, Box, ContinuationStep, End, SolutionPoint, corrected, tangent_of, trace
+from ..orbits.arclength import FAR, LOST, MOST, Box, ContinuationStep, End, SolutionPoint, corrected, tangent_of, trace
 from ..orbits.orbit_equations import OrbitProblem
 from .branch import Bifurcation, Branch, BranchPart
 from .branch_ends import LimitCycles
@@ -126,6 +126,8 @@ class BranchTracer:
                 end = GRAZING
             elif end == LOST and struck > 0.0 and self._strikes_at_section(places[-1]):
                 end = AT_SECTION
+        if end in (LARGE, OUTGROWN) and len(places) > self.most:
+            end = MOST
         return BranchSegment(places, found, end)
 
     def _contacts(self, places: Sequence[SolutionPoint]) -> tuple[Floats, Floats]:

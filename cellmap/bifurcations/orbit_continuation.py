@@ -48,7 +48,7 @@ def continue_orbit(
     The method is pseudo-arclength continuation (Keller 1977) with derivatives by state and parameter from the
     variational equation.  Test functions are monitored along the branch: the tangent's component along the parameter
     (folds), the bordered determinant (branch points), det(M + I) (period doublings) and the product of all mu_i mu_j -
-    1 (Neimark-Sacker); their zeros are located on the branch by Brent's method.  Where deviations grow by more than 1e6
+    1 (Neimark-Sacker); their zeros are located on the branch by Brent's method.  Where deviations grow by more than 1e3
     in a period, the orbit is divided into segments (multiple shooting), and multipliers follow from products of QR
     decompositions.  A step is repeated with half its
     length if the detected bifurcations do not explain the change in the number of unstable multipliers.

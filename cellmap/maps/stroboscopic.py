@@ -205,9 +205,16 @@ class Stroboscopic(MapSpec[PointMap]):
         return self if phase == self.phase else replace(self, phase=phase)
 
     def swept(self, names: tuple[str, ...]) -> Stroboscopic | None:
-        """Return the specification with some parameters appended to the state, where the formulas are known."""
-        further = with_states(self.formulas.unchanged(), names)
-        return None if further is None else replace(self, system=further, atol=with_further(self.atol, len(names)))
+        """Return the specification with some parameters appended to the state, where the formulas are known.
+
+        The method is that of the map: which one is less work shows at its parameters, and not at any.
+        """
+        further, atol, method = with_states(self.formulas.unchanged(), names), self.atol, self.motion.kernel.method
+        return (
+            None
+            if further is None
+            else replace(self, system=further, atol=with_further(atol, len(names)), method=method)
+        )
 
     def curve_step(
         self, order: int, finer: bool = False, part: tuple[int, int] = (0, 1)

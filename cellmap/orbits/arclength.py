@@ -27,7 +27,7 @@ _SHORTEST = 1e-9
 FAR = 10.0
 """Times the size that unknowns began with from which this says nothing of them."""
 _CREEPING = 1e-9  # part of a step in the other unknowns that may be rounding
-LOST = "no convergence"
+LOST, MOST = "no convergence", "most points"
 _REPEATED = 0.43  # no power of it leads back to round numbers
 _ALIGNED = 0.9  # cosine of the angle between tangents of one curve at one place
 _REFUSALS = 6  # halvings of a step that is refused, or on which the edge of the box is not located
@@ -330,7 +330,7 @@ def trace(
             if part is not step or not box.contains(part.end):
                 return places, left
             if len(places) > most:
-                return places, "most points"
+                return places, MOST
             step = _following(ahead, refused=False)
     return places, LOST
 

@@ -21,8 +21,11 @@ DIVISIONS = (1, 4, 16, 64)
 
 _SAMPLES = 32  # of a step of the map, in which the size of an orbit shows
 
-LARGEST_GROWTH = 1e6
-"""Growth of deviations between two nodes from which there should be more of them."""
+LARGEST_GROWTH = 1e3
+"""Growth of deviations between two nodes from which there should be more of them.
+
+Newton's method converges from as much nearer: from here on it would shorten steps.
+"""
 
 TangentMap = Callable[[Floats], tuple[Floats, Floats]]
 
