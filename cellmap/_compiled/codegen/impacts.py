@@ -92,13 +92,14 @@ def beside_rest(
 ) -> int | None:
     """Return what a switch that slides does while a state rests: 0 if neither acts on the other.
 
-    Where its function is a multiple of the guard's rate, it is zero at rest, and what is returned is the sign of the
-    factor.  Else None: the forces on both surfaces are not known one by one.
+    Where its function is a multiple of the guard's rate, whose factor may depend on parameters, it is zero at rest, and
+    what is returned is the sign of the factor.  Else None: the forces on both surfaces are not known one by one.
     """
     (pull,) = along(base.graph, [impact.rate], dict(zip(base.states, jump, strict=True)))
     if not impact.rests or (base.graph.dot(normal, impact.push).vanishes and pull.vanishes):
         return 0
-    ratio = _sampled(base, base.graph.apply("div", surface, impact.rate))
+    constants = [x for x, rate in zip(base.states, base.outputs, strict=True) if rate.vanishes]
+    ratio = _sampled(base, base.graph.apply("div", surface, impact.rate), (*base.parameters, *constants))
     alike = np.ptp(ratio) <= 1e-9 * np.abs(ratio).max()
     return int(np.sign(ratio[0])) if alike else None
 
@@ -140,12 +141,13 @@ def _is_solid(base: Trace, across: Expression) -> bool:
     return not across.vanishes and bool((np.abs(_sampled(base, across)) > 1e-12).all())
 
 
-def _sampled(base: Trace, expression: Expression) -> Floats:
-    """Return the values of an expression at places drawn at random."""
+def _sampled(base: Trace, expression: Expression, held: Sequence[Expression] = ()) -> Floats:
+    """Return the values of an expression at places drawn at random, which have some inputs in common."""
     rng = np.random.default_rng(0)
     inputs = {e: rng.uniform(0.1, 1.0, _SAMPLES) for e in in_order([expression]) if not e.arguments and e.value is None}
     inputs |= {e: rng.uniform(0.1, 1.0, _SAMPLES) for e in (*base.states, *base.parameters, base.time)}
     inputs |= {e: np.ones(_SAMPLES) for e in in_order([expression]) if e.operation == "sign"}
+    inputs |= {e: np.full(_SAMPLES, inputs[e][0]) for e in held}
     (found,) = evaluated([expression], inputs)
     return np.broadcast_to(found, _SAMPLES)
 
