@@ -7,6 +7,7 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from typing import Any, TypeVar
 
 from .checks import warn_caller
@@ -52,12 +53,16 @@ def completed(
     ------
     TimeoutError
         Where the cluster has no workers for ten minutes.
+    ConnectionError
+        Where its scheduler is lost.
+    RuntimeError
+        Where its workers die, one after another, of the same tiles.
     """
     with progress_bar(len(numbers), progress) as advance:
         if client is None:
             results = results_of(numbers, lambda number: work(task(number)))
         else:
-            results = _results_of_cluster(numbers, task, work, client)
+            results = _told_of_losses(_results_of_cluster(numbers, task, work, client), client)
         for number, result in results:
             yield number, result
             advance(1)
@@ -110,7 +115,30 @@ def _results_of_cluster(
                 # Workers come and go.
                 under_way.update(next_ones(_UNDER_WAY * _threads(client) - len(members)))
         finally:
-            client.cancel([future for future, _ in members.values()])
+            with suppress(Exception):  # whatever Dask raises where there is no scheduler any more
+                client.cancel([future for future, _ in members.values()])
+
+
+def _told_of_losses(results: Iterator[Result], client: Any) -> Iterator[Result]:
+    """Yield what a cluster yields; say of one that falls apart what to do."""
+    from distributed import CancelledError, KilledWorker
+    from distributed.comm.core import CommClosedError
+
+    again = "call again: with a checkpoint the call goes on with what is done"
+    try:
+        yield from results
+    except KilledWorker as error:
+        raise RuntimeError(
+            f"client={client!r}: the workers that had the same tiles died, as they do when their memory is full; give "
+            f"them more of it, or fewer threads each, and {again} ({error})"
+        ) from error
+    except Exception as error:
+        if client.status == "running" and not isinstance(error, CommClosedError | CancelledError):
+            raise  # of the work itself
+        raise ConnectionError(
+            f"client={client!r}: the connection to the scheduler is lost; start a cluster and a client, and {again} "
+            f"({type(error).__name__}: {error})"
+        ) from error
 
 
 def _completed(under_way: Any, waited: _Waiting) -> Iterator[Any]:

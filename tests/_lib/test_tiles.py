@@ -269,6 +269,53 @@ def test_a_cluster_without_workers_is_not_waited_for_for_ever(lonely, tmp_path, 
     assert len(done) == 5, "tiles that were done are not done again"
 
 
+def test_workers_that_die_of_their_work_are_told_with_the_remedy(lonely):
+    """As they do where memory is short: the scheduler gives up tiles of which some workers have died."""
+    cluster, client = lonely
+    cluster.scale(1)  # there may be none from a test before
+    client.wait_for_workers(1, timeout=30)
+
+    def allow(number, dask_scheduler):
+        dask_scheduler.allowed_failures = number
+
+    client.run_on_scheduler(allow, 0)
+    try:
+        with pytest.raises(
+            RuntimeError, match=r"client=.*memory is full; give them more .* call again: with a checkpoint"
+        ):
+            list(completed(range(2), int, lambda number: os.kill(os.getpid(), signal.SIGKILL), client))
+    finally:
+        client.run_on_scheduler(allow, 3)
+    client.wait_for_workers(1, timeout=30)
+    with pytest.raises(FileNotFoundError, match="of the work"):
+        list(completed(range(2), int, missing, client))
+
+
+def missing(number):
+    raise FileNotFoundError("of the work")
+
+
+def test_a_scheduler_that_is_lost_is_told_with_the_remedy(monkeypatch):
+    """In the middle of the work, and by a client that finds none any more."""
+    how = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None, "processes": False}
+    cluster = distributed.LocalCluster(protocol="tcp", **how)
+    client = distributed.Client(cluster, timeout="0.5s")
+
+    def work(number):
+        time.sleep(0.02)
+        return number
+
+    results = completed(range(200), int, work, client)
+    next(results)
+    cluster.close()
+    for rest in (results, completed(range(2), int, work, client)):
+        with pytest.raises(
+            ConnectionError, match=r"client=.*scheduler is lost; start a cluster and a client, and call"
+        ):
+            list(rest)
+    client.close(timeout=0.1)
+
+
 @pytest.mark.slow
 def test_basins_survive_the_death_of_a_worker():
     point_map, expected = pendulum(), find_basins(pendulum(), GRID, 400, 8)
