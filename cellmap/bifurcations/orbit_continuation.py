@@ -67,7 +67,8 @@ def continue_orbit(
         Interval of parameter values, in its unit, which contains the present one.
     step : float, optional
         Longest step, in units in which the interval has length 1 and each coordinate its natural size, or the size that
-        it has reached on the branch.
+        it has reached on the branch.  Beyond ten times the size that it began with, steps of a coordinate grow while
+        the derivatives of the map hardly change.
     max_points : int, optional
         Largest number of points on either side; `ends` of the branch shows where they did not suffice.
     sizes : array_like, shape (dimension,), optional
