@@ -120,7 +120,7 @@ def label(name: str, value: Any) -> str:
     # What sets it is slow to import, and lives above.
     if "$" in given and (fault := importlib.import_module(f"{_ROOT}.plot._mathtext").fault_in(given)):
         raise ValueError(
-            f"{name}={shown(given)}: its mathematics cannot be set in figures ({abridged(fault)}); correct it, or "
+            f"{name}={shown(given)}: its mathematics cannot be set in figures ({shown(fault)}); correct it, or "
             r"write \$ for the sign itself"
         )
     return given
