@@ -46,7 +46,9 @@ def test_an_isola_between_two_values_is_missed() -> None:
 def test_an_isola_that_the_second_search_alone_finds_is_told() -> None:
     """The values of the first search are -1.2361 and 0.7639; the isola is around the one between."""
     exact = discrete_map(lambda x, p: (x[0] + 0.3 * (0.01 - x[0] ** 2 - (p.q + 0.2) ** 2),), {"q": 0.0}, ("x",))
-    with pytest.warns(UserWarning, match=r"1 of 1 branches, over q=-0\.29\d+ to -0\.10\d+, were found by the second search"):
+    with pytest.warns(
+        UserWarning, match=r"1 of 1 branches, over q=-0\.29\d+ to -0\.10\d+, were found by the second search"
+    ):
         found = find_branches(exact, "q", -2.0, 2.0, WINDOW, n_values=2)
     assert found.late.tolist() == [True]
     assert found.missed.tolist() == found.orbits.tolist() == [0, 0]

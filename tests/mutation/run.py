@@ -40,7 +40,7 @@ PREPARED = "h5py hypothesis llvmlite.binding matplotlib.pyplot mpmath scipy.inte
 AT_IMPORT = -1
 COPIED = "cellmap systems studies tests docs pyproject.toml README.md CHANGELOG.md"
 KILLED_AT_IMPORT = {int(pytest.ExitCode.TESTS_FAILED), int(pytest.ExitCode.INTERRUPTED)}
-"""Exit statuses of pytest on a mutant that is imported anew: a test failed, or its module could not be imported."""
+"""Exit statuses of pytest on a mutant that is imported again: a test failed, or its module could not be imported."""
 TOOL_FAILED = 99
 
 
