@@ -7,7 +7,7 @@ import pytest
 
 from cellmap.bifurcations import AtlasKind
 from cellmap.bifurcations.atlas_families import Attractors, Directory
-from cellmap.bifurcations.coexistence import _neighbours, slow_ones
+from cellmap.bifurcations.atlas_neighbours import _neighbours
 
 SHAPE = (3, 4)  # rows, columns
 
@@ -46,10 +46,3 @@ def test_neighbours_where_it_is_known_are_left_out():
         (1, 7),
         (1, 10),
     ]
-
-
-def test_slow_convergence_beside_a_weak_attractor():
-    """ln(0.9^(1/5)) = -0.0211 is strong enough, and ln(0.91^(1/5)) = -0.0189 is not."""
-    ring = at([0, 1], AtlasKind.QUASIPERIODIC, modulus=np.nan, period=0)
-    found = Attractors.joined(ring, at([0], modulus=0.9, period=5), at([1], modulus=0.91, period=5))
-    assert slow_ones(found).tolist() == [False, True, False, False]
