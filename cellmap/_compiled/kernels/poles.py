@@ -62,7 +62,12 @@ def follow_alone(motion, initial, k, most, place):
             if length - time <= least:
                 return ARRIVED, count
         elif not h > least:
-            return ENDED, count
+            # What hardly moves comes to no pole: the error is that of jumps which hold the orbit.
+            rests = True
+            for j in range(d):
+                if not abs(moved[0, j] - place[0, j]) <= _ERROR * (abs(initial[k, j]) + abs(place[0, j])):
+                    rests = False
+            return SEEN_NOTHING if rests else ENDED, count
         change = _SHORTEN
         if error < np.inf:
             change = 0.8 * max(error, 1e-30) ** (-1.0 / (motion.order + 1))
