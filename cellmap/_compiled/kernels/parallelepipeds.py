@@ -185,9 +185,10 @@ def find_sets(sets, known, place, balls, numbers, widest, labels, ranks, roundin
                     generators[i, k] = sets.shapes[e, i, k] * sets.sizes[e, k]
                 else:
                     generators[i, k] = sets.frames[e, i, k - columns] * sets.spreads[e, k - columns]
+                # A unit of each, lost in these products, is less than what is added where sums of them are taken: with
+                # d units for d products and sums, the last sum loses none where its terms cancel.
                 reach += abs(generators[i, k])
-                box[i] += rounding.unit * abs(generators[i, k]) + rounding.tiny
-            box[i] *= rounding.wider
+                box[i] += rounding.tiny
             sets.hulls[e, i] = (reach + box[i]) * rounding.wider
             narrow = narrow and sets.hulls[e, i] < widest[i]
         if not narrow:
