@@ -195,7 +195,7 @@ def _remedy(basins: Basins, label: Label) -> tuple[bool, str]:
     points = _some(basins, label)
     enough = replace(spec, max_steps=max(spec.max_steps, MAX_STEPS))
     others = {f"max_steps={enough.max_steps}": enough} if enough.max_steps > spec.max_steps else {}
-    if spec.system.functions[1:] == (None, None) and spec.motion.kernel.method != "Rosenbrock":
+    if spec.is_explicit:
         others["method='Rosenbrock'"] = replace(enough, method="Rosenbrock")
     for changed, other in others.items():
         try:

@@ -104,7 +104,7 @@ class Run:
             warn_caller(
                 f"the integrator missed its tolerance along {tally.inaccurate} of {total} orbits"
                 f" ({tally.inaccurate / total:.1%}){_why_inaccurate(self.point_map)}; "
-                f"{remedy_for_missed(diverge)}{cycles_of(self.point_map)}",
+                f"{remedy_for_missed(diverge, self.point_map)}{cycles_of(self.point_map)}",
                 ToleranceWarning,
             )
         store = self.store if self.complete else self.store.cut_short(self.now)

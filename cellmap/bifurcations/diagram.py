@@ -288,7 +288,7 @@ def bifurcation_diagram(
         record_each(swept, axis, initial_conditions, transient, recorded, label)
     else:
         record_followed(swept, axis, initial_conditions, directions, shift, transient, recorded, label)
-    warn_of_tolerance(recorded.status, exact.name)
+    warn_of_tolerance(recorded.status, exact)
 
     alive = recorded.status < Status.ESCAPED
     period = _periods(

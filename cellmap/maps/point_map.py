@@ -202,7 +202,7 @@ class PointMap(ShownAsHtml):
     def __call__(self, points: ArrayLike) -> Floats:
         """Return the images of points after one period, shape (..., dimension); NaN where there is none."""
         images = follow(self, points, 1)
-        warn_of_tolerance(images.status, self.name, self.unknown_formulas)
+        warn_of_tolerance(images.status, self)
         return images.points
 
     @checked
@@ -231,7 +231,7 @@ class PointMap(ShownAsHtml):
             If the integrator missed its tolerance; the images concerned have the status INACCURATE.
         """
         images = follow(self, points, periods, progress, client)
-        warn_of_tolerance(images.status, self.name, self.unknown_formulas)
+        warn_of_tolerance(images.status, self)
         warn_of_small_states(self)
         return images
 
@@ -254,7 +254,7 @@ class PointMap(ShownAsHtml):
             Arrays with a leading axis of length ``periods + 1``.
         """
         images = history(self, points, periods, progress)
-        warn_of_tolerance(images.status[-1], self.name, self.unknown_formulas)
+        warn_of_tolerance(images.status[-1], self)
         warn_of_small_states(self)
         return images
 
@@ -370,25 +370,38 @@ def history(point_map: PointMap, points: ArrayLike, periods: int, progress: bool
     return Iterate(history.reshape(shape), rotations.reshape(shape), status.reshape(shape[:-1]), point_map.coordinates)
 
 
-def warn_of_tolerance(status: NDArray[np.uint8], name: str, unknown: str = "") -> None:
-    """Warn where orbits are INACCURATE; `unknown` is why branches are not located, empty where they are."""
+def warn_of_tolerance(status: NDArray[np.uint8], point_map: PointMap) -> None:
+    """Warn where orbits of a map are INACCURATE or OUT_OF_STEPS, and say what helps."""
+    name, unknown = point_map.name, point_map.unknown_formulas
     if missed := np.count_nonzero(status == Status.INACCURATE):
-        remedy = remedy_for_missed(bool((status == Status.DIVERGED).any()))
+        remedy = remedy_for_missed(bool((status == Status.DIVERGED).any()), point_map)
         warn_caller(
             f"{missed} of {status.size} orbits of {name} did not meet the tolerance; their status says so: "
             + (f"branches are not located, for {unknown}" if unknown else remedy),
             ToleranceWarning,
         )
+    if lost := np.count_nonzero(status == Status.OUT_OF_STEPS):
+        warn_caller(
+            f"{lost} of {status.size} orbits of {name} are out of steps, not at the end of a period or without a "
+            f"correct digit: allow more with max_steps{_remedy_for_stiff(point_map)}",
+            ToleranceWarning,
+        )
 
 
-def remedy_for_missed(diverge: bool) -> str:
+def remedy_for_missed(diverge: bool, point_map: PointMap | None = None) -> str:
     """Say what helps where tolerances are missed; others of these orbits `diverge`, or none does."""
     if diverge:
         return (
             "others diverge, and near a singularity of the right-hand side no tolerance helps; end orbits before it, "
             "by an Impact there"
         )
-    return "loosen rtol and atol, or allow more steps with max_steps"
+    return f"loosen rtol and atol, or allow more steps with max_steps{_remedy_for_stiff(point_map)}"
+
+
+def _remedy_for_stiff(point_map: PointMap | None) -> str:
+    """Name the method for stiff systems, where a map might take it and does not."""
+    spec = None if point_map is None else point_map.without_table.spec
+    return ", or give method='Rosenbrock' if the system is stiff" if spec is not None and spec.is_explicit else ""
 
 
 def warn_of_small_states(point_map: PointMap) -> None:

@@ -110,6 +110,11 @@ class MapSpec(ABC, Generic[M]):
         return None
 
     @property
+    def is_explicit(self) -> bool:
+        """Whether another method might be chosen that is made for stiff systems."""
+        return False
+
+    @property
     def recipe(self) -> dict[str, Any]:
         """Plain values for a file, from which :func:`rebuild_map` builds the map again."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}

@@ -147,6 +147,11 @@ class Stroboscopic(MapSpec[PointMap]):
     def _stiff(self) -> bool:
         return self.motion.kernel.own_steps
 
+    @property
+    def is_explicit(self) -> bool:
+        """Whether the method for stiff systems is another one, which the system allows."""
+        return self.system.functions[1:] == (None, None) and not self._stiff
+
     def _tangents(self, count: int = 1) -> Flow | None:
         """The motion with tangent vectors, to a tolerance of 1e-12 or better, over the first of some equal parts."""
         s, tolerance = self.system, min(self.rtol, _TANGENT_TOLERANCE)

@@ -236,7 +236,7 @@ class Sampler:
             rest = states[:, over]
             rest[np.logical_or.accumulate(np.isnan(rest).any(axis=-1), axis=0)] = np.nan
             states[:, over] = rest
-        warn_of_tolerance(status, strobe.name, strobe.unknown_formulas)
+        warn_of_tolerance(status, strobe)
         return states, status
 
 
@@ -299,7 +299,8 @@ def integrate(
     orbits = Orbits.starting(places.reshape(-1, system.dimension).copy())
     run_over(slices(len(orbits), CHUNK), lambda part: motion(orbits[part]))
     orbits.wrap(*turns_of(system.axes))
-    warn_of_tolerance(orbits.status, system.name)
+    if orbits.status.any():
+        warn_of_tolerance(orbits.status, spec.build())
     shape = places.shape
     return Iterate(
         orbits.points.reshape(shape), orbits.rotations.reshape(shape), orbits.status.reshape(shape[:-1]), system.axes

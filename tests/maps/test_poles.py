@@ -104,12 +104,34 @@ def test_orbits_that_pass_close_to_a_pole_do_not_end(method):
     assert found.points[2:4] == pytest.approx(places[2:4], abs=1e-2)
 
 
-def test_what_is_stiff_does_not_end_for_want_of_steps():
-    """Van der Pol at mu = 1000: explicit steps of a 256th of the time are unstable and overflow."""
-    found = images(
-        lambda t, x, p: (x[1], 1000.0 * (1.0 - x[0] ** 2) * x[1] - x[0]), 1.0, [2.0, 0.0], ("x", "v"), "DOP853", 256
-    )
+STIFF = {
+    "moving": (lambda t, x, p: (-1e6 * (x[0] - cos(t)), -x[1]), 2 * pi),  # to cos(t), and exp(-t)
+    "curved": (lambda t, x, p: (-1e5 * (x[0] - sin(x[1])), cos(t) - 0.3 * x[1]), 2 * pi),
+    "cubic": (lambda t, x, p: (-1e4 * (x[0] ** 3 - cos(t)), -x[1]), 2 * pi),
+    "Van der Pol": (lambda t, x, p: (x[1], 1e5 * (1.0 - x[0] ** 2) * x[1] - x[0]), 1.0),
+}
+
+
+@pytest.mark.filterwarnings("default::cellmap.maps.ToleranceWarning")
+@pytest.mark.parametrize(("method", "steps"), [(m, s) for m, s in ALL if m != "Rosenbrock"])
+@pytest.mark.parametrize("name", list(STIFF))
+def test_what_is_stiff_does_not_end(name, method, steps):
+    """Explicit steps are unstable and overflow, where orbits stay below 2.1 as the method for stiff systems sees."""
+    rhs, period = STIFF[name]
+    with pytest.warns(ToleranceWarning, match="out of steps.* max_steps, or give method='Rosenbrock'"):
+        found = images(rhs, period, [2.0, 0.0], ("x", "y"), method, steps)
     assert found.status == Status.OUT_OF_STEPS
+    precise = images(rhs, period, [2.0, 0.0], ("x", "y"), "Rosenbrock")
+    assert precise.status == Status.OK and np.abs(precise.points).max() < 2.1
+
+
+@pytest.mark.parametrize("method", ["DOP853", "RK45", "Taylor", "Rosenbrock"])
+def test_what_grows_for_ever_diverges(method):
+    """Exponentials pass 1e100 after 230 times of growth."""
+    linear = images(lambda t, x, p: (50.0 * x[0], -x[1]), 2 * pi, [1.0, 1.0], ("x", "y"), method)
+    focus = ForcedSystem(lambda t, x, p: (x[0] - 3.0 * x[1], 3.0 * x[0] + x[1]), {}, 2 * pi, ("x", "y"))
+    turning = stroboscopic_map(focus, method=method).iterate([[1.0, 0.0]] * 2, 40)
+    assert linear.status == Status.DIVERGED and (turning.status == Status.DIVERGED).all()
 
 
 def test_an_inaccurate_image_has_a_digit():

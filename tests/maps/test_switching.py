@@ -30,7 +30,7 @@ from discontinuous_systems import (
 
 from cellmap import ForcedSystem, Status, set_threads, stroboscopic_map
 from cellmap._compiled.kernels.blocks import LANES
-from cellmap.maps import jacobian
+from cellmap.maps import ToleranceWarning, jacobian
 from cellmap.maps.orbit_batch import CHUNK
 from systems import (
     dimensionless_pendulum,
@@ -208,7 +208,8 @@ def test_events_without_end_are_reported() -> None:
         return x[1], -s[0] - 0.4 * s[1]
 
     system = ForcedSystem(twisting, {}, 6.0, ("x", "v"), switches=lambda t, x, p: (x[0], x[1]))
-    images = stroboscopic_map(system, rtol=1e-4).iterate([[30.0, 0.0], [0.1, 0.0], [0.0, 0.0]], 1)
+    with pytest.warns(ToleranceWarning, match="2 of 3 orbits of twisting are out of steps"):
+        images = stroboscopic_map(system, rtol=1e-4).iterate([[30.0, 0.0], [0.1, 0.0], [0.0, 0.0]], 1)
     assert images.status[0] == Status.OK
     assert (images.status[1:] != Status.OK).all()
 
@@ -218,7 +219,8 @@ def test_a_switching_function_without_a_value_is_reported() -> None:
         return (x[1] + 0.0 * sqrt(x[0]),)
 
     system = ForcedSystem(rubbed, dict(table(stiffness=0.0, force=1.0).params), 2.0 * pi, ("x", "v"), switches=edge)
-    images = stroboscopic_map(system, rtol=1e-4).iterate([[20.0, 1.0], [0.01, -1.0]], 1)
+    with pytest.warns(ToleranceWarning, match="1 of 2 orbits of rubbed are out of steps"):
+        images = stroboscopic_map(system, rtol=1e-4).iterate([[20.0, 1.0], [0.01, -1.0]], 1)
     # Steps get shorter and shorter before the edge, beyond which the surface has no value: the period does not end.
     assert images.status.tolist() == [Status.OK, Status.OUT_OF_STEPS]
     assert np.isnan(images.points[1]).all() and np.isfinite(images.points[0]).all()

@@ -123,7 +123,7 @@ def test_an_orbit_that_diverges_is_followed_to_its_end():
 def test_a_missed_tolerance_is_told():
     system = ForcedSystem(lambda t, x, p: (x[1], -4e4 * x[0]), {}, 2 * pi, ("q", "v"))
     with pytest.warns(ToleranceWarning, match="1 of 2 orbits"):
-        motion = trajectory(system, [[1.0, 0.0], [0.0, 0.0]], 2, samples_per_period=4, max_steps=512)
+        motion = trajectory(system, [[1.0, 0.0], [0.0, 0.0]], 2, samples_per_period=4, max_steps=800)
     assert motion.status.tolist() == [Status.INACCURATE, Status.OK]
 
 

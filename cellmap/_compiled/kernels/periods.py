@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..loops import inlined, loop
-from .blocks import FARTHEST_STATE, LANES, ROUNDED, pack, unpack, wrap_angle
+from .blocks import BLOWN_UP, FARTHEST_STATE, LANES, ROUNDED, pack, unpack, wrap_angle
 from .calls import call_period
 from .poles import ARRIVED, ENDED, SEEN_NOTHING, follow_alone, follow_coarsely
-from .step_numbers import ASYMPTOTIC, MET, MISSED, next_rungs, sort_by_rung
+from .step_numbers import ASYMPTOTIC, MET, next_rungs, sort_by_rung
 from .step_numbers import DIVERGED as NOT_FINITE
 
 INACCURATE, ESCAPED, DIVERGED, OUT_OF_STEPS = 1, 2, 3, 5
@@ -152,9 +152,9 @@ class Batch(NamedTuple):
 def integrate(motion, points, rotations, status, small, lower, turn, periods):
     """Integrate orbits over some periods; return the steps that all of them took together.
 
-    An orbit whose tolerance is not met is marked INACCURATE; one that is not finite, ends at a singularity, or has an
-    angle without phase or a coordinate from 1e100 on, has DIVERGED; one that is finite, but not at the end of the
-    period or without a right digit, is OUT_OF_STEPS.
+    An orbit whose tolerance is not met is marked INACCURATE; one that ends at a singularity, or has an angle without
+    phase or a coordinate from 1e100 on, has DIVERGED; one that is not seen to, and is not at the end of the period or
+    has no right digit, is OUT_OF_STEPS.
 
     Which orbits are checked, by the images of two numbers of steps, follows from the digits of their states alone.
     ``lower`` and ``turn`` are branch cuts and periods of the coordinates; those of period 0 are not wrapped.
@@ -303,9 +303,8 @@ def _examine(motion, batch, points, status, members, m):
             for j in range(points.shape[1]):
                 points[k, j] = place[0, j]
         else:
-            # The ratio is infinite for one that has not arrived, and NaN where it is nowhere.
-            missed = rung == MISSED or ratio == np.inf or fate == ARRIVED
-            _end(points, status, k, OUT_OF_STEPS if missed else DIVERGED)
+            # Equal steps that overflow prove nothing: so do those of an explicit method that is unstable.
+            _end(points, status, k, DIVERGED if ratio == BLOWN_UP else OUT_OF_STEPS)
     else:
         status[k] = INACCURATE
     return spent
