@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cellmap import ForcedSystem, Status, discrete_map, stroboscopic_map
-from cellmap.maps import Impact, jacobian
+from cellmap.maps import Impact, ToleranceWarning, jacobian
 
 
 def image(rhs, period, place):
@@ -109,7 +109,7 @@ def test_several_jumps_at_one_surface_are_reported(first):
 
 
 def test_jumps_that_hold_an_orbit_are_no_singularity():
-    """Both signs and whole parts jump where y comes to rest: more steps change the first digit of x, which is finite."""
+    """Signs and whole parts jump where y comes to rest: more steps change the first digit of x, which is finite."""
     system = ForcedSystem(lambda t, x, p: (-np.sign(x[1]), -0.3 - floor(x[1])), {}, 1.0, ("x", "y"))
     with pytest.warns(ToleranceWarning, match="out of steps"):
         assert stroboscopic_map(system).iterate([0.0, 0.07], 1).status == Status.OUT_OF_STEPS
