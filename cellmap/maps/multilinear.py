@@ -19,7 +19,9 @@ from .tangent import tangent
 
 _LONGER = 1.7  # factor between the curves of two evaluations
 _SIGNS = 3  # components of directions with either sign
-_DISTANCES = 0.04, 0.034  # the longest between Jacobian matrices whose differences are taken, in natural sizes
+_DISTANCES = 0.04, 0.034  # the longest between Jacobian matrices whose differences are taken, in natural sizes,
+_NEARER = 0.25 ** np.arange(6)  # and parts of them, for maps that are smooth on less than that, as beside grazing
+_ALIKE = 1e-6  # difference of two ways, relative to a form, from which shorter distances are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +123,21 @@ def _design(directions: Floats, order: int) -> Floats:
 def _from_differences(
     tangent_map: Callable[[Floats], tuple[Floats, Floats]], points: Floats, sizes: Floats
 ) -> MultilinearForms:
+    """Return derivatives from differences of Jacobian matrices, at distances at which two ways agree best."""
+    best, least = list[Floats](), np.full(3, np.inf)
+    for part in _NEARER:
+        found = _differences(tangent_map, points, sizes, part)
+        errors = np.array([np.nan_to_num(np.abs(np.diff(t, axis=0)).max(), nan=np.inf) for t in found])
+        best = [t if closer else old for t, closer, old in zip(found, errors < least, best or found, strict=True)]
+        least = np.minimum(least, errors)
+        if all(e <= _ALIKE * np.abs(t).max() for t, e in zip(best, least, strict=True)):
+            break
+    return MultilinearForms(tuple(best), exact=False)
+
+
+def _differences(
+    tangent_map: Callable[[Floats], tuple[Floats, Floats]], points: Floats, sizes: Floats, part: float
+) -> tuple[Floats, Floats, Floats]:
     """Return derivatives from central differences of Jacobian matrices at three distances, extrapolated."""
     d, n = len(sizes), len(points)
     pairs = list(combinations_with_replacement(range(d), 2))
@@ -135,7 +152,7 @@ def _from_differences(
     middle = matrices(points)
     linear, quadratic, cubic = np.empty((2, n, d, d)), np.empty((2, n, d, d, d)), np.empty((2, n, d, d, d, d))
     single = [pairs.index((i, i)) for i in range(d)]
-    for which, longest in enumerate(_DISTANCES):
+    for which, longest in enumerate(part * np.array(_DISTANCES)):
         means, slopes, curvatures = [], [], []
         for distance in (longest, longest / 2.0, longest / 4.0):
             ahead, back = (matrices(points[:, None] + sign * distance * offsets) for sign in (1.0, -1.0))
@@ -149,7 +166,7 @@ def _from_differences(
                 quadratic[which, ..., i] = slope[:, k]
             mixed = curvature[:, k] if i == j else curvature[:, k] - curvature[:, single[i]] - curvature[:, single[j]]
             cubic[which, ..., i, j] = cubic[which, ..., j, i] = mixed if i == j else 0.5 * mixed
-    return MultilinearForms((linear, quadratic, cubic), exact=False)
+    return linear, quadratic, cubic
 
 
 def _extrapolated(ladder: list[Floats]) -> Floats:
