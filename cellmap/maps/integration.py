@@ -47,11 +47,19 @@ Turns = tuple[Floats, Floats]
 
 
 def flow(
-    known: Formulas, begin: float, length: float, rtol: float, atol: ArrayLike, method: str, max_steps: int
+    known: Formulas,
+    begin: float,
+    length: float,
+    rtol: float,
+    atol: ArrayLike,
+    method: str,
+    max_steps: int,
+    bounds: ArrayLike = np.inf,
 ) -> Flow:
     """Return the motion of a system from the time `begin` over a time `length`.
 
-    The tolerance is meant for the whole of that time, as :func:`stroboscopic_map` describes it.
+    The tolerance is meant for the whole of that time, as :func:`stroboscopic_map` describes it.  Coordinates of states
+    on which the motion is tried are not larger than `bounds`.
     """
     system = known.system
     turn, floors = turns_of(system.axes)[1], np.full(system.dimension, atol, dtype=np.float64)
@@ -73,7 +81,7 @@ def flow(
         check_compiled("rhs", system.derivative, chosen.kernel.advance, system.dimension, chosen.parameters, _SHORT)
     if method == "auto" and known.plain is not None and not known.plain.has_branches:
         chosen = _fitting(chosen, known)
-    return replace(chosen, checked=_checked(chosen, turns_of(system.axes)))
+    return replace(chosen, checked=_checked(chosen, turns_of(system.axes), bounds))
 
 
 @functools.lru_cache(maxsize=16)
@@ -148,7 +156,7 @@ _FINER_STEPS = 1e-2
 _CLEAR = 1e-11  # tolerance from which on errors are clear of those of rounding
 
 
-def _checked(motion: Flow, turns: Turns) -> float:
+def _checked(motion: Flow, turns: Turns, bounds: ArrayLike) -> float:
     """Return the fraction of orbits whose images are to be compared with those of more steps.
 
     It is small, or all of them where the error of a sample of orbits, of some sizes and over two periods, comes near
@@ -159,6 +167,7 @@ def _checked(motion: Flow, turns: Turns) -> float:
     finer = replace(usual, rtol=rtol * _FINER_STEPS, atol=atol * _FINER_STEPS)
     rng = np.random.default_rng(0)
     points = np.concatenate([rng.normal(scale=s, size=(_SAMPLES // 4, len(motion.largest))) for s in _SCALES])
+    points = np.clip(points, -np.asarray(bounds), bounds)
     for _ in range(2):
         wrap_rows(points, np.zeros(points.shape, np.int64), *turns)
         found, precise = Orbits.starting(points.copy()), Orbits.starting(points.copy())

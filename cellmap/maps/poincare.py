@@ -273,7 +273,9 @@ class Section(MapSpec[SectionMap]):
         system, (_, value, direction) = self.system, self.section
         stretch, loose = min(system.length, self.max_time), max(self.rtol, _ORDER_FOR)
         atol = with_further(self.atol, EXTRA)
-        motion = flow(self._gated, 0.0, stretch, loose, atol, "auto", self.max_steps)
+        # With a side beyond -1 and 1 states would move faster than the system does, or backwards.
+        bounds = np.where(np.arange(system.dimension + EXTRA) == system.dimension + 1, 1.0, np.inf)
+        motion = flow(self._gated, 0.0, stretch, loose, atol, "auto", self.max_steps, bounds)
         return Trip(system, self._place, value, direction, self.max_time, stretch, replace(motion, rtol=self.rtol))
 
     @computed_once

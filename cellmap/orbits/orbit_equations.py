@@ -17,11 +17,14 @@ from ..maps.tangent import tangent
 from .arclength import SolutionPoint, corrected
 from .attractor import Attractor
 from .multipliers import multipliers_of, pairs_beside_one
-from .newton import closed_orbit
+from .newton import ROUNDING, closed_orbit
 from .orbit_kinds import PeriodicOrbit
 
 _UNCOUPLED = 1e-8  # part of the largest entry of a balanced derivative below which there is no coupling
 _SMALL_DRIFT = 1e-3  # singular value, relative to those of I - M and M, along which the drift is not known
+_AT_REST = 1e-9  # size from which a state is not 0, whatever its error, and a drift is one
+_TANGENT = 1e-12  # absolute tolerance of images that come with derivatives, or that of the map
+_CLEAR = 10.0  # errors of a state beyond which its size is known
 _FARTHEST = 100.0  # times its natural size that a drift may make a coordinate's unit
 
 
@@ -221,7 +224,7 @@ def orbit_problem(
             f"{moved.tolist()}; take it from this map with its present parameters"
         )
     if sizes is None:
-        sizes = _sizes(state, matrices, turns_of(exact.coordinates)[1], spans)
+        sizes = _sizes(state, matrices, turns_of(exact.coordinates)[1], spans, _error(exact, moved))
     return OrbitProblem(exact, swept, period, np.append(sizes, spans))
 
 
@@ -229,13 +232,19 @@ def natural_sizes(exact: PointMap, state: Floats, period: int) -> Floats:
     """Return the natural sizes of displacements (d,) at a state: a radian, or the size of the state, or 1."""
     matrix = tangent(exact, state, period)[1]
     still = np.column_stack([matrix, np.zeros(len(state))])
-    return _sizes(state, still, turns_of(exact.coordinates)[1], (1.0,))
+    return _sizes(state, still, turns_of(exact.coordinates)[1], (1.0,), _error(exact, np.zeros(1)))
 
 
-def _sizes(state: Floats, matrices: Floats, turn: Floats, spans: tuple[float, ...]) -> Floats:
+def _error(exact: PointMap, moved: Floats) -> float:
+    """Return the error of the image of a point that is nearly fixed, and is moved."""
+    return min(exact.tolerance[1], _TANGENT) + ROUNDING + float(np.abs(moved).max())
+
+
+def _sizes(state: Floats, matrices: Floats, turn: Floats, spans: tuple[float, ...], error: float) -> Floats:
     """Return the natural sizes of displacements (d,), where those of coupled coordinates have given ratios.
 
-    A radian for an angle; else the size of the state, or what it drifts by over the spans of the parameters.
+    A radian for an angle; else the size of the state, if it is more than an error of its image makes of it, or what it
+    drifts by over the spans of the parameters.
     """
     d = len(state)
     matrix = matrices[:d, :d]
@@ -246,11 +255,13 @@ def _sizes(state: Floats, matrices: Floats, turn: Floats, spans: tuple[float, ..
     drift = np.linalg.pinv(shifted, cut) @ (matrices[:d, d:] * spans)
     furthest = np.abs(drift).max(axis=1)
     ratios, group = _coupled(matrix)
+    least = float(np.linalg.svd(shifted, compute_uv=False)[-1])
+    known = min(_AT_REST, _CLEAR * error / max(least, 1e-300))
     sizes = np.empty(d)
     for number in range(int(group.max()) + 1):
         mine = group == number
         own = ratios[mine] if mine.all() else ratios[mine] / ratios[mine].min()
-        sizes[mine] = _sizes_together(state[mine], furthest[mine], turn[mine], own)
+        sizes[mine] = _sizes_together(state[mine], furthest[mine], turn[mine], own, known)
     return sizes
 
 
@@ -270,12 +281,13 @@ def _coupled(matrix: Floats) -> tuple[Floats, Ints]:
     return ratios, connected_components(linked, connection="strong")[1]
 
 
-def _sizes_together(state: Floats, furthest: Floats, turn: Floats, ratios: Floats) -> Floats:
-    """Return the natural sizes of coordinates that are coupled."""
+def _sizes_together(state: Floats, furthest: Floats, turn: Floats, ratios: Floats, known: float) -> Floats:
+    """Return the natural sizes of coordinates that are coupled; states below a size are 0."""
     angles = turn > 0
     if angles.any():
         size = float(np.exp(np.mean(np.log(turn[angles] / (2.0 * np.pi * ratios[angles])))))
         return np.where(angles, size * ratios, np.clip(furthest, size * ratios, _FARTHEST * size * ratios))
     size, longest = float(np.abs(state / ratios).max()), float((furthest / ratios).max())
-    size = max(size, min(longest, 10.0 * size) if size > 1e-9 else longest)
-    return (size if size > 1e-9 else 1.0) * ratios
+    if size > known:
+        return max(size, min(longest, 10.0 * size)) * ratios
+    return (longest if longest > _AT_REST else 1.0) * ratios
