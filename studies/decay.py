@@ -172,6 +172,7 @@ def report(result: Result) -> None:
     print(f"  half swings: w = {w} rad/s, l = {effective_length(w, GRAVITY)} m; true {LONG_ROD}")
     print(f"  motion of the first period, viscous: {result.first}")
     print("\nby the profile alone:")
+    assert result.fits.profile is not None
     for model in result.fits.profile.models:
         print(f"  {model}, chi^2 {model.chi_square:.3g}")
     print("by the motion:")
@@ -201,6 +202,7 @@ def draw(result: Result) -> Figure:
     dense = np.linspace(envelope.times[0], t[-1], 400)
     top.plot(dense, np.polyval(REPORT, dense), "--", color="0.5", label="parabola of the report")
     top.plot(dense, result.parabola(dense), color="#D55E00", lw=1.0, label="parabola of least squares")
+    assert result.fits.profile is not None
     for kind, colour in (("viscous", "#009E73"), ("dry", "#CC79A7"), ("viscous and dry", "#0072B2")):
         top.plot(dense, result.fits.profile[kind](dense), color=colour, lw=1.0, label=f"averaged, {kind}")
         residuals = result.fits.fits[kind].residuals[:, 0]

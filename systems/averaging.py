@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cellmap import ForcedSystem
-from cellmap.utils import finite_number, over_arrays
+from cellmap.utils import check_length, finite_number, over_arrays
 
 _LOOKS = 2**15  # looks at the accelerations of a period
 _FEWEST = 16  # samples of a period
@@ -79,6 +79,7 @@ class EffectivePotential:
     def _places(self, angles: Sequence[ArrayLike]) -> NDArray[np.float64]:
         if len(angles) != self.joints:
             raise ValueError(f"angles: give {self.joints}, one array for each joint, and not {len(angles)}")
+        check_length("angles", angles)
         try:
             arrays = [np.asarray(a, dtype=float) for a in angles]
         except (OverflowError, TypeError, ValueError):

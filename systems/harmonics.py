@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cellmap.utils import finite_number, whole_number
+from cellmap.utils import check_length, finite_number, whole_number
 
 from .drives import period_of
 from .effects import Effect, FieldTerm, Terms
@@ -131,6 +131,7 @@ def sampled_drive(samples: Sequence[float], frequency: float, harmonics: int | N
     """
     if not is_iterable(samples):
         raise TypeError(f"samples={samples!r}: give a sequence of numbers")
+    check_length("samples", samples)
     values = [finite_number(f"samples[{j}]", v) for j, v in enumerate(samples)]
     count = len(values)
     if count < 3:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from math import pi
 from typing import Any
 
-from cellmap.utils import shown, whole_number
+from cellmap.utils import check_length, shown, whole_number
 
 from .quantities import is_iterable, sized_number
 
@@ -40,6 +40,7 @@ def numbers_of_nodes(name: str, values: Any, **bounds: float) -> tuple[float, ..
     >>> numbers_of_nodes("powers", [1, -0.5])
     (1.0, -0.5)
     """
+    check_length(name, values)
     if not is_iterable(values) or not (given := tuple(values)):
         raise TypeError(f"{name}={shown(values)}: give a sequence with one number for each node")
     return tuple(sized_number(f"{name}[{k}]", v, **bounds) for k, v in enumerate(given))
@@ -70,6 +71,7 @@ def lines_between(lines: Iterable[Any], nodes: int) -> Lines:
     >>> lines_between([(2, 1), (0, 1)], 2)
     ((0, 1), (1, 2))
     """
+    check_length("lines", lines)
     if not is_iterable(lines):
         raise TypeError(f"lines={shown(lines)}: give pairs of nodes")
     found = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
-from cellmap.utils import finite_number, shown
+from cellmap.utils import check_length, finite_number, shown
 
 Dimension = tuple[int, int, int]
 """Powers of length, time and mass."""
@@ -65,6 +65,7 @@ class Part:
             if each := _name_of_one(f, value):
                 if not is_iterable(value):
                     raise TypeError(f"{f.name}={value!r}: give a sequence of numbers")
+                check_length(f.name, value, levels=0)
                 value = tuple(_number(f, f"{each}_{i}", v) for i, v in enumerate(value, start=1))
                 if not value:
                     raise ValueError(f"{f.name}={value!r}: give at least one number")

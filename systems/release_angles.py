@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cellmap import Attractor, ForcedSystem, find_basins, stroboscopic_map
 from cellmap.maps import integrate
-from cellmap.utils import finite_number, shown, whole_number
+from cellmap.utils import check_length, finite_number, shown, whole_number
 
 _PARTS = 16  # parts into which a bracket is cut in one batch
 _PEAKS = 8  # places on a line at which islands are looked for
@@ -113,6 +113,7 @@ def release_limits(
         raise ValueError(f"system={system!r}: give a pendulum of one joint, with two state variables")
     middle = finite_number("near", near, at_least=-1e6, at_most=1e6)
     fine = finite_number("tolerance", tolerance, at_least=1e-12, at_most=1e-2)
+    check_length("phases", phases)
     given = np.atleast_1d(np.asarray(phases, dtype=object))
     if given.ndim != 1 or not given.size:
         raise ValueError(f"phases={shown(phases)}: give a sequence of finite numbers")

@@ -13,6 +13,7 @@ import sys
 import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from itertools import islice
 from keyword import iskeyword
 from math import isfinite, nan
 from pathlib import Path
@@ -30,6 +31,9 @@ _NOT_A_CALLER = _PACKAGE, functools.__file__
 _ALWAYS_FREE = 2**24  # bytes
 _ROOT = __name__.split(".")[0]
 _SURROGATE = re.compile("[\ud800-\udfff]")
+_LONGEST = 10**7  # entries of what holds none of them in memory, such as a range: going through so many takes seconds
+_NESTED = 8  # levels of lists that are looked through
+_SINGLE = {float, int, bool, str, bytes, complex, type(None), np.float64, np.int64, np.bool_}
 _KEPT = 40  # characters of a long word at each of its ends
 _LONG_WORD = re.compile(rf"\S{{{2 * _KEPT + 3},}}")
 
@@ -139,8 +143,33 @@ def one_of(name: str, value: Any, choices: tuple[Any, ...]) -> Any:
     return value
 
 
+def check_length(name: str, value: Any, levels: int = _NESTED) -> None:
+    """Refuse ranges, and other sequences that claim too many entries to go through, alone or in what holds them.
+
+    Arrays, and what turns into one by itself, hold their entries in memory already.
+    """
+    kind = type(value)
+    if kind in _SINGLE or kind is np.ndarray:
+        return
+    if isinstance(value, list | tuple | dict):
+        entries = value.values() if isinstance(value, dict) else value
+        if levels and not _SINGLE.issuperset(map(type, entries)):
+            for entry in entries:
+                check_length(name, entry, levels - 1)
+    elif hasattr(kind, "__len__") and hasattr(kind, "__getitem__") and not hasattr(kind, "__array__"):
+        try:
+            much = len(value) > _LONGEST
+        except OverflowError:
+            much = True
+        except Exception:  # of a foreign class, whose entries then say what it is
+            much = False
+        if much and not isinstance(value, str | bytes | bytearray | memoryview | Mapping):
+            raise ValueError(f"{name}={shown(value)}: give at most {_LONGEST:,} numbers")
+
+
 def real_array(name: str, given: ArrayLike, what: str = "real numbers") -> Floats:
     """Return a new C-contiguous array of floats, which need not be finite; what is masked is NaN."""
+    check_length(name, given)
     try:
         array = np.asarray(given)
         if array.dtype.kind == "O":
@@ -164,10 +193,14 @@ def is_sequence(value: Any) -> bool:
 
 def listed(name: str, value: Any) -> tuple[Any, ...]:
     """Return the entries of what can be gone through."""
+    check_length(name, value)
     try:
-        return tuple(value)
+        found = tuple(islice(value, _LONGEST + 1))
     except TypeError:
         raise TypeError(f"{name}={shown(value)}: give a sequence") from None
+    if len(found) > _LONGEST:
+        raise ValueError(f"{name}={shown(value)}: give at most {_LONGEST:,} entries")
+    return found
 
 
 def pair_of(name: str, value: Any, what: str = "two numbers, the ends of an interval") -> tuple[Any, Any]:
@@ -187,6 +220,7 @@ def of_the_user(name: str, function: Callable[..., Any], *arguments: Any) -> Any
 
 def array_of_any(name: str, given: Any, what: str) -> NDArray[Any]:
     """Return what is given as an array, of whatever it holds; rows of different lengths are none."""
+    check_length(name, given)
     try:
         return np.asarray(given)
     except (TypeError, ValueError):

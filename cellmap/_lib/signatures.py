@@ -11,14 +11,12 @@ from typing import Any, NamedTuple, TypeVar, Union, cast, get_args, get_origin, 
 
 import numpy as np
 
-from .checks import is_sequence, real_number, shown
+from .checks import check_length, is_sequence, real_number, shown
 from .deprecation import renamed
 
 _LIBRARY = __name__.split(".")[0]
 F = TypeVar("F", bound=Callable[..., Any])
 
-
-_LONGEST = 10**7  # numbers of a range, which takes no memory itself: going through so many takes seconds
 
 RENAMED = {"max_period": "longest_period"}
 """Arguments that had another name in cellmap 0.1, which is still accepted."""
@@ -93,8 +91,7 @@ def checked(function: F) -> F:
             named[now] = named.pop(before)
         for name, value in (*zip(names, args, strict=False), *named.items()):
             kind = kinds.get(name)
-            if isinstance(value, range) and len(value[: _LONGEST + 1]) > _LONGEST:
-                raise ValueError(f"{name}={value!r}: give at most {_LONGEST:,} numbers")
+            check_length(name, value)
             if kind is not None and not kind.holds(value):
                 made = {makers(one) for one in kind.classes} - {""}
                 origin = f", made by {made.pop()}" if len(made) == 1 else ""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._lib.arrays import Floats
-from .._lib.checks import is_sequence, shown
+from .._lib.checks import check_length, is_sequence, shown
 from .._lib.records import Layout
 from ..basins.record import Basins
 from ..bifurcations.atlas_families import AtlasKind
@@ -66,6 +66,7 @@ AttractorAtlas, CircleBranch, ConnectionBranch or TangencyCurve
     0  fixed point       1  0.707                 0.5
     1  fixed point       1 -0.707                 0.5
     """
+    check_length("result", result)
     frame = columns_of(result)
     for name, values in function_columns(result, functions, set(frame)).items():
         each = isinstance(result, BifurcationDiagram)

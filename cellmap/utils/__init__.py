@@ -1,6 +1,7 @@
 """Tools for packages built on cellmap: checks of arguments, random numbers, files, and functions over arrays."""
 
 from .._compiled.codegen.rebind import over_arrays as over_arrays
+from .._lib.checks import check_length as check_length
 from .._lib.checks import claim_memory as claim_memory
 from .._lib.checks import finite_number as finite_number
 from .._lib.checks import finite_points as finite_points

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from math import exp, log, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from cellmap.utils import check_length
 
 from .arrays import Floats
 
@@ -68,6 +71,7 @@ def measured_series(
 
 def real_numbers(name: str, given: ArrayLike, form: str = "") -> Floats:
     """Return a new array of real numbers; an error names the argument and the form that it should have."""
+    check_length(name, given)
     try:
         return np.array(given, dtype=np.float64)
     except (TypeError, ValueError):
@@ -155,6 +159,26 @@ def widening(residuals: Floats) -> float:
     """
     correlation = max(neighbour_correlation(residuals), 0.0)
     return sqrt((1.0 + correlation) / max(1.0 - correlation, 1e-6))
+
+
+def undetermined(values: Mapping[str, float], errors: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the names of values that their standard errors exceed: a measurement does not tell them from zero.
+
+    Examples
+    --------
+    >>> undetermined({"damping": 1.05, "length": 0.069}, {"damping": 30.0, "length": 0.001})
+    ('damping',)
+    """
+    return tuple(name for name, value in values.items() if not errors[name] <= abs(value))
+
+
+def warn_of_undetermined(
+    values: Mapping[str, float], errors: Mapping[str, float], names: tuple[str, ...], remedy: str
+) -> None:
+    """Warn the caller of a public function, from which this is called, of names that its fit leaves undetermined."""
+    if names:
+        said = ", ".join(f"{name}={values[name]:.4g} +- {errors[name]:.2g}" for name in names)
+        warnings.warn(f"{said}: what was measured does not tell it from zero; {remedy}", stacklevel=3)
 
 
 def akaike_criterion(count: int, total: float, free: int) -> float:

@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 from cellmap.utils import finite_number, whole_number
 
 from ..arrays import Bools, Floats, Ints
+from ..time_series import real_numbers, undetermined, warn_of_undetermined
 from .tracks import Tracks
 
 Pivot = int | tuple[float, float] | None
@@ -267,8 +268,13 @@ class Circle:
         (column, row), errors = self.centre, self.errors
         return (
             f"Circle(({column:.6g} +- {errors[0]:.2g}, {row:.6g} +- {errors[1]:.2g}), radius {self.radius:.6g} +- "
-            f"{errors[2]:.2g})"
+            f"{errors[2]:.2g}{', undetermined' if self.undetermined else ''})"
         )
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """``("radius",)`` where its standard error exceeds it, else nothing; a centre is nowhere in particular."""
+        return undetermined({"radius": self.radius}, {"radius": float(self.errors[2])})
 
     @property
     def errors(self) -> Floats:
@@ -296,6 +302,11 @@ def fit_circle(points: ArrayLike, least_arc: float = 0.2) -> Circle:
     ValueError
         For fewer than 4 points, points on a line, at one place or on too short an arc.
 
+    Warns
+    -----
+    UserWarning
+        For a radius that is undetermined.
+
     References
     ----------
     Gander, Golub, Strebel, BIT 34 (1994) 558; Kasa, IEEE Transactions on Instrumentation and Measurement 25 (1976) 8.
@@ -307,7 +318,7 @@ def fit_circle(points: ArrayLike, least_arc: float = 0.2) -> Circle:
     >>> round(circle.centre[0], 9), round(circle.centre[1], 9), round(circle.radius, 9), round(circle.arc, 9)
     (3.0, 4.0, 5.0, 1.0)
     """
-    given = np.asarray(points, np.float64)
+    given = real_numbers("points", points, " in an array of shape (n, 2)")
     if given.ndim != 2 or given.shape[1] != 2:
         raise ValueError(f"points have the shape {given.shape}: give places, as (n, 2)")
     places = given[np.isfinite(given).all(axis=1)]
@@ -338,7 +349,10 @@ def fit_circle(points: ArrayLike, least_arc: float = 0.2) -> Circle:
     variance = 2.0 * found.cost / max(len(x) - 3, 1)
     covariance = np.linalg.inv(found.jac.T @ found.jac) * variance * size**2
     centre = float(middle[0] + size * column), float(middle[1] + size * row)
-    return Circle(centre, float(size * radius), covariance, size * sqrt(variance), arc)
+    circle = Circle(centre, float(size * radius), covariance, size * sqrt(variance), arc)
+    spread = {"radius": float(circle.errors[2])}
+    warn_of_undetermined({"radius": circle.radius}, spread, circle.undetermined, "give points from a wider swing")
+    return circle
 
 
 def _spread(angles: Floats) -> float:

@@ -15,11 +15,11 @@ from cellmap.utils import finite_number
 from ...effects import DryFriction, Effect, Gravity, QuadraticDrag, ViscousDamping
 from ...pendulum import Pendulum
 from ...scenes import scene
-from ..time_series import akaike_weights
-from .decay_models import KINDS, DecayComparison, checked_kinds, compare_decays
-from .motion_fit import MotionFit, fit_motion
+from ..time_series import akaike_weights, warn_of_undetermined
+from .decay_models import FEWEST, KINDS, DecayComparison, checked_kinds, compared_decays
+from .motion_fit import KNOWN_ALREADY, MotionFit, fitted_motion
 from .natural_frequency import effective_length, natural_frequency
-from .swing_extremes import swing_envelope
+from .swing_extremes import continuous_angles, envelope_of
 
 EFFECTS: Mapping[str, Callable[[float], Effect]] = {
     "damping": ViscousDamping,
@@ -39,12 +39,12 @@ class DampingFits:
     ----------
     fits : mapping of str to MotionFit
         The best first.
-    profile : DecayComparison
-        What the extremes alone say.
+    profile : DecayComparison or None
+        What the extremes alone say; None where all first guesses were given.
     """
 
     fits: Mapping[str, MotionFit]
-    profile: DecayComparison
+    profile: DecayComparison | None
 
     def __repr__(self) -> str:
         return f"DampingFits({'; '.join(f'{kind} {w:.3g}' for kind, w in self.weights.items())}; best {self.best!r})"
@@ -72,11 +72,12 @@ def fit_damping(
     length: float | None = None,
     gravity: float = 9.8,
     zero: bool = True,
+    guess: Mapping[str, float] | None = None,
 ) -> DampingFits:
     """Fit length and damping of a pendulum to its free swing, for several kinds of damping.
 
-    The profile of the extremes gives first guesses; then the motion itself is simulated, with its period at each
-    amplitude, and fitted by least squares.
+    The profile of at least 6 extremes gives first guesses; then the motion itself is simulated, with its period at each
+    amplitude, and fitted by least squares.  Where all guesses are given, any number of extremes will do.
 
     Parameters
     ----------
@@ -92,6 +93,9 @@ def fit_damping(
         Acceleration of free fall (m/s^2).
     zero : bool, optional
         Fit the zero of the angle, too: how far the camera's vertical is off.
+    guess : mapping of str to float, optional
+        First guesses, above 0: length (m), unless it is known, and the coefficients damping (1/s), friction (rad/s^2)
+        and drag of the kinds.  Those that are missing are taken from the profile.
 
     Returns
     -------
@@ -101,7 +105,13 @@ def fit_damping(
     Raises
     ------
     TypeError, ValueError
-        As :func:`swing_envelope`, :func:`compare_decays` and :func:`fit_motion`.
+        As :func:`swing_envelope`, :func:`compare_decays` and :func:`fit_motion`; for fewer than 6 extremes where a
+        first guess is missing.
+
+    Warns
+    -----
+    UserWarning
+        For parameters of the best kind that are undetermined.
 
     Examples
     --------
@@ -113,20 +123,38 @@ def fit_damping(
     """
     g = finite_number("gravity", gravity, above=0.0)
     named = checked_kinds(kinds)
-    envelope = swing_envelope(times, angles)
-    w = natural_frequency(envelope)
-    size = effective_length(w, g).value if length is None else finite_number("length", length, above=0.0)
-    singles = [kind for kind, names in KINDS.items() if len(names) == 1]
-    profile = compare_decays(envelope, w.value, [*named, *singles])
-    alone = {name: value for kind in singles for name, value in profile[kind].coefficients.items()}
+    fixed = {} if length is None else {"length": finite_number("length", length, above=0.0)}
+    free = list(dict.fromkeys(n for kind in named for n in ("length", *KINDS[kind]) if n not in fixed))
+    known = fixed | _guesses(guess, free)
+    t, x = continuous_angles(times, angles)
+    profile = None
+    if missing := [n for n in free if n not in known]:
+        envelope = envelope_of(t, x, None, FEWEST, f"guess= of {', '.join(missing)}")
+        w = natural_frequency(envelope)
+        known = {"length": effective_length(w, g).value} | known
+        singles = [kind for kind, names in KINDS.items() if len(names) == 1]
+        profile = compared_decays(envelope, w.value, [*named, *singles])
+        alone = {name: value for kind in singles for name, value in profile[kind].coefficients.items()}
     fits = {}
     for kind in named:
-        begin = {n: max(profile[kind].coefficients[n], _LEAST * alone[n]) for n in KINDS[kind]}
-        rod = free_pendulum(size, begin, g)
-        vary = [*KINDS[kind]] if length is not None else ["length", *KINDS[kind]]
-        fits[kind] = fit_motion(rod, times, angles, vary, zero=zero)
+        found = {} if profile is None else profile[kind].coefficients
+        begin = {n: known[n] if n in known else max(found[n], _LEAST * alone[n]) for n in KINDS[kind]}
+        rod = free_pendulum(known["length"], begin, g)
+        fits[kind] = fitted_motion(rod, t, x, [n for n in ("length", *KINDS[kind]) if n in free], zero=zero)
     ordered = sorted(fits, key=lambda kind: fits[kind].aicc)
+    best = fits[ordered[0]]
+    warn_of_undetermined(best.estimates, best.standard_errors, best.undetermined, KNOWN_ALREADY)
     return DampingFits({kind: fits[kind] for kind in ordered}, profile)
+
+
+def _guesses(given: Mapping[str, float] | None, names: Sequence[str]) -> dict[str, float]:
+    """Return first guesses, held to the names of what is fitted."""
+    if given is not None and not isinstance(given, Mapping):
+        raise TypeError(f"guess={given!r}: give first guesses by names, such as {{{names[0]!r}: 0.1}}")
+    for name in given or {}:
+        if name not in names:
+            raise ValueError(f"guess has {name!r}: what is fitted is {', '.join(names)}")
+    return {n: finite_number(f"guess[{n!r}]", value, above=0.0) for n, value in (given or {}).items()}
 
 
 def free_pendulum(length: float, coefficients: Mapping[str, float], gravity: float = 9.8) -> ForcedSystem:

@@ -24,7 +24,7 @@ from scipy.stats import linregress
 from cellmap.utils import finite_number
 
 from ..arrays import Floats
-from ..time_series import akaike_criterion, akaike_weights
+from ..time_series import akaike_criterion, akaike_weights, real_numbers, undetermined, warn_of_undetermined
 from .natural_frequency import natural_frequency
 from .swing_extremes import Envelope
 
@@ -39,6 +39,9 @@ KINDS: Mapping[str, tuple[str, ...]] = {
 
 USUAL = ("viscous", "dry", "quadratic", "viscous and dry")
 """Kinds that are compared where nothing else is asked for."""
+
+FEWEST = 6
+"""Extremes of a decay that kinds of damping are told by: a kind of two coefficients leaves two degrees of freedom."""
 
 _SMALLEST = 1e-9  # amplitude (rad) below which rates are those at it
 
@@ -82,11 +85,17 @@ class DecayModel:
 
     def __repr__(self) -> str:
         terms = ", ".join(f"{n} {v:.4g} +- {self.standard_errors[n]:.2g}" for n, v in self.coefficients.items())
-        return f"DecayModel({self.kind}: {terms}; RMSE {self.rmse:.3g} rad, AICc {self.aicc:.1f})"
+        flaws = "".join(f", {n} undetermined" for n in self.undetermined)
+        return f"DecayModel({self.kind}: {terms}; RMSE {self.rmse:.3g} rad, AICc {self.aicc:.1f}{flaws})"
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Coefficients whose standard errors exceed their values."""
+        return undetermined(self.coefficients, self.standard_errors)
 
     def __call__(self, times: ArrayLike) -> Floats:
         """Return the amplitude (rad) at increasing times (s) from `start` on."""
-        t = np.asarray(times, dtype=float)
+        t = real_numbers("times", times)
         return decaying(self.amplitude, self.coefficients, self.frequency, t - self.start)
 
 
@@ -153,6 +162,11 @@ def compare_decays(envelope: Envelope, frequency: float | None = None, kinds: Se
     TypeError, ValueError
         For unknown kinds, too few extremes, and a swing that does not decay.
 
+    Warns
+    -----
+    UserWarning
+        For coefficients of the best kind that are undetermined.
+
     References
     ----------
     Burnham, Anderson, *Model Selection and Multimodel Inference* (2002); Marchewka, Abbott, Beichner, American Journal
@@ -166,7 +180,17 @@ def compare_decays(envelope: Envelope, frequency: float | None = None, kinds: Se
     >>> compare_decays(swing_envelope(t, 0.3 * np.exp(-0.2 * t) * np.cos(12.0 * t) + noise)).best.kind
     'viscous'
     """
-    check_decay(envelope, fewest=6)
+    found = compared_decays(envelope, frequency, kinds)
+    best = found.best
+    warn_of_undetermined(
+        best.coefficients, best.standard_errors, best.undetermined, "compare fewer kinds=, or give a longer film"
+    )
+    return found
+
+
+def compared_decays(envelope: Envelope, frequency: float | None, kinds: Sequence[str]) -> DecayComparison:
+    """Compare as :func:`compare_decays` does, without a warning."""
+    check_decay(envelope, FEWEST)
     w = natural_frequency(envelope).value if frequency is None else finite_number("frequency", frequency, above=0.0)
     models = [_fitted(kind, envelope, w) for kind in checked_kinds(kinds)]
     return DecayComparison(tuple(sorted(models, key=lambda m: m.aicc)), envelope)
@@ -269,7 +293,14 @@ class QuadraticDecay:
     def __repr__(self) -> str:
         reach = self.half_widths()
         terms = ", ".join(f"{n} = {v:.4g} +- {r:.2g}" for n, v, r in zip("abc", self.coefficients, reach, strict=True))
-        return f"QuadraticDecay({terms} (95 %), RMSE {self.rmse:.4g})"
+        flaws = "".join(f", {n} undetermined" for n in self.undetermined)
+        return f"QuadraticDecay({terms} (95 %), RMSE {self.rmse:.4g}{flaws})"
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Coefficients, of a, b and c, whose standard errors exceed their values; without a, the profile is a line."""
+        columns = (dict(zip("abc", v.tolist(), strict=True)) for v in (self.coefficients, self.standard_errors))
+        return undetermined(*columns)
 
     def half_widths(self, confidence: float = 0.95) -> Floats:
         """Return half the widths of the intervals of a, b and c (Student's distribution)."""
@@ -289,7 +320,7 @@ class QuadraticDecay:
     def __call__(self, times: ArrayLike) -> Floats:
         """Return the parabola at some times (s)."""
         a, b, c = self.coefficients
-        t = np.asarray(times, dtype=float) - self.start
+        t = real_numbers("times", times) - self.start
         return np.asarray((a * t + b) * t + c)
 
 

@@ -17,7 +17,15 @@ from cellmap import ForcedSystem
 from cellmap.utils import finite_number, finite_points
 
 from ..arrays import Floats
-from ..time_series import akaike_criterion, measured_series, neighbour_correlation, real_numbers, widening
+from ..time_series import (
+    akaike_criterion,
+    measured_series,
+    neighbour_correlation,
+    real_numbers,
+    undetermined,
+    warn_of_undetermined,
+    widening,
+)
 from .simulation import Simulation, clear_of_noise
 
 Bounds = Mapping[str, tuple[float, float]]
@@ -29,6 +37,8 @@ _DOUBLINGS = 8  # of the part that is fitted, from the first swing to the whole 
 _BEFORE = (0.95, 0.85, 0.7)  # fractions of the time until a motion stops
 _UNTOLD = 1e-6  # of the largest singular value, what is nothing
 _FOLLOWING = 0.5  # correlation of neighbouring residuals from which on a fit says that they follow each other
+KNOWN_ALREADY = "fit fewer parameters, with what is known as it is, or measure a longer and wider motion"
+"""What to do where parameters are undetermined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +96,8 @@ class MotionFit:
     @property
     def undetermined(self) -> tuple[str, ...]:
         """Fitted parameters whose standard errors exceed their values, but for those on a bound."""
-        fitted = [n for n in self.estimates if n in self.system.params and n not in self.at_bound]
-        return tuple(n for n in fitted if not self.standard_errors[n] <= abs(self.estimates[n]))
+        free = self.system.params.keys() - self.at_bound
+        return undetermined({n: v for n, v in self.estimates.items() if n in free}, self.standard_errors)
 
     @property
     def residuals(self) -> Floats:
@@ -157,6 +167,11 @@ def fit_motion(
         For unknown parameters, series that are none or too short, a right-hand side that cannot be traced, and an
         initial condition whose motion ends in a failure of the integration.
 
+    Warns
+    -----
+    UserWarning
+        For parameters that are undetermined.
+
     Examples
     --------
     >>> from systems import Gravity, ViscousDamping
@@ -169,6 +184,22 @@ def fit_motion(
     >>> round(fit.estimates["length"], 5), round(fit.estimates["damping"], 4)
     (0.069, 0.4)
     """
+    found = fitted_motion(system, times, measured, vary, initial_condition, zero, bounds, tolerance)
+    warn_of_undetermined(found.estimates, found.standard_errors, found.undetermined, KNOWN_ALREADY)
+    return found
+
+
+def fitted_motion(
+    system: ForcedSystem,
+    times: ArrayLike,
+    measured: ArrayLike,
+    vary: Sequence[str],
+    initial_condition: Sequence[float] | None = None,
+    zero: bool = False,
+    bounds: Bounds | None = None,
+    tolerance: float = 1e-8,
+) -> MotionFit:
+    """Fit as :func:`fit_motion` does, without a warning."""
     if not isinstance(system, ForcedSystem):
         raise TypeError(f"system={system!r}: give a ForcedSystem")
     t, x = _measured(times, measured)

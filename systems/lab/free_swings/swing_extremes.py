@@ -145,37 +145,45 @@ def swing_envelope(times: ArrayLike, angles: ArrayLike, rest: float | None = Non
     >>> swing_envelope(t, 0.5 * np.exp(-0.2 * t) * np.cos(12.0 * t))
     Envelope(18 extremes, from 0.4746 to 0.1949 rad in 4.451 s)
     """
+    return envelope_of(*continuous_angles(times, angles), rest)
+
+
+def continuous_angles(times: ArrayLike, angles: ArrayLike) -> tuple[Floats, Floats]:
+    """Return a series of angles, shape (n,) twice, checked for the jumps of angles that are wrapped."""
     t, x = measured_series(times, angles)
     jumps = np.abs(np.diff(x))
     if np.nanmax(jumps, initial=0.0) > pi:
         raise ValueError(
             f"angles[{int(np.nanargmax(jumps)) + 1}] is {np.nanmax(jumps):.3g} rad from the angle before: unwrap them"
         )
+    return t, x
+
+
+def envelope_of(
+    t: Floats, x: Floats, rest: float | None = None, fewest: int = _FEWEST_EXTREMES, or_else: str = "rest="
+) -> Envelope:
+    """Find extremes of continuous angles; where they are too few, or beyond the top, an argument may help as well."""
     noise = noise_level(t, x)
     middle = _middle(t, x, noise) if rest is None else finite_number("rest", rest)
     found = _extremes(t, x, middle, noise)
-    _check(found, t, x, middle, noise)
-    moments, heights, sides, errors, time_errors = np.array(found).T
-    envelope = Envelope(moments, heights, sides.astype(np.int8), errors, time_errors, middle, noise)
-    kept = in_step(moments, envelope.half_swings, envelope.misfits, t[np.isfinite(x)])
-    if _FEWEST_EXTREMES <= kept < len(found):
-        columns = ("times", "amplitudes", "sides", "standard_errors", "time_errors")
-        envelope = replace(envelope, **{name: getattr(envelope, name)[:kept] for name in columns})
-    return envelope
-
-
-def _check(found: list[_Extreme], t: Floats, x: Floats, middle: float, noise: float) -> None:
     if np.nanmax(np.abs(x - middle)) >= pi:
         raise ValueError(
             f"angles go {np.nanmax(np.abs(x - middle)):.3g} rad from rest at {middle:.3g}, over the top: cut the "
-            "series where it begins to swing, or give rest="
+            f"series where it begins to swing, or give {or_else}"
         )
-    if len(found) < _FEWEST_EXTREMES:
+    if len(found) >= _FEWEST_EXTREMES:
+        moments, heights, sides, errors, time_errors = np.array(found).T
+        envelope = Envelope(moments, heights, sides.astype(np.int8), errors, time_errors, middle, noise)
+        kept = in_step(moments, envelope.half_swings, envelope.misfits, t[np.isfinite(x)])
+        found = found[:kept] if kept >= _FEWEST_EXTREMES else found
+    if len(found) < fewest:
         halves = len(_half_swings(x - middle, _CLEAR * noise))
         raise ValueError(
-            f"angles have {len(found)} extremes in {halves} half swings clear of the noise of {noise:.2g} rad: "
-            f"give at least {_FEWEST_EXTREMES}, by a longer film, a wider swing or at least 10 samples a half swing"
+            f"angles have {len(found)} extremes in {halves} half swings clear of the noise of {noise:.2g} rad: give at "
+            f"least {fewest}, by a longer film, a wider swing or at least 10 samples a half swing, or give {or_else}"
         )
+    columns = ("times", "amplitudes", "sides", "standard_errors", "time_errors")
+    return replace(envelope, **{name: getattr(envelope, name)[: len(found)] for name in columns})
 
 
 def _middle(t: Floats, x: Floats, noise: float) -> float:

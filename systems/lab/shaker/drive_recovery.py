@@ -14,7 +14,7 @@ from cellmap.utils import finite_number, one_of, whole_number
 from ...drives import VerticalDrive
 from ...harmonics import HarmonicDrive
 from ..arrays import Floats
-from ..time_series import measured_series
+from ..time_series import measured_series, real_numbers, undetermined
 from .drive_search import FEWEST_PERIODS, MOST_SATURATED, beyond_limits, crowded, dead_times, find_drive, saturated
 from .harmonic_fit import Fit, Record, resolution_of
 
@@ -84,10 +84,17 @@ class RecoveredDrive:
         heights = ", ".join(f"{1e3 * a:.4g} +- {1e3 * e:.2g}" for a, e in shown)
         more = f" and {len(self.amplitudes) - _SHOWN} harmonics more" if len(self.amplitudes) > _SHOWN else ""
         lost = "".join(f", {n} {word}" for n, word in ((self.missing, "missing"), (self.clipped, "clipped")) if n)
+        faint = f", undetermined harmonics {', '.join(map(str, self.undetermined))}" if self.undetermined else ""
         return (
             f"RecoveredDrive({self.frequency:.7g} +- {self.frequency_error:.2g} Hz; {heights} mm{more}; "
-            f"{self.samples} samples{lost})"
+            f"{self.samples} samples{lost}{faint})"
         )
+
+    @property
+    def undetermined(self) -> tuple[int, ...]:
+        """Harmonics, from 1 on, whose amplitudes are below their standard errors, as of those that a wave lacks."""
+        columns = ({str(k): float(v) for k, v in enumerate(c, 1)} for c in (self.amplitudes, self.amplitude_errors))
+        return tuple(map(int, undetermined(*columns)))
 
     @property
     def drive(self) -> VerticalDrive | HarmonicDrive:
@@ -118,12 +125,12 @@ class RecoveredDrive:
         """Return the upward acceleration of the pivot (m/s^2) at times (s), without the offset of the sensor."""
         order = np.arange(1, len(self.amplitudes) + 1)
         rates = order * 2.0 * pi * self.frequency
-        angles = np.asarray(times, dtype=float)[..., None] * rates + self.phases
+        angles = real_numbers("times", times)[..., None] * rates + self.phases
         return -(np.cos(angles) @ (self.amplitudes * rates**2))
 
     def reading(self, times: ArrayLike) -> Floats:
         """Return what the sensor would read at times (s) without noise: acceleration, offset and drift (m/s^2)."""
-        return self.acceleration(times) + self.mean + self.drift * (np.asarray(times, dtype=float) - self.middle)
+        return self.acceleration(times) + self.mean + self.drift * (real_numbers("times", times) - self.middle)
 
     def _extremes(self) -> tuple[Floats, Floats]:
         """Return the phases of the lowest and the highest acceleration (rad), and the two values."""

@@ -8,7 +8,7 @@ import re
 import signal
 import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import date
 from decimal import Decimal
 from fractions import Fraction
@@ -76,6 +76,18 @@ def fault(name: str, arguments: Mapping[str, Any]) -> str | None:
     return None
 
 
+class Claimed(Sequence[float]):
+    """A sequence that claims more entries than can be gone through."""
+
+    def __len__(self) -> int:
+        return 10**10
+
+    def __getitem__(self, place: Any) -> Any:
+        return 0.5
+
+
+HUGE = range(10**18), range(-1, -(10**30), -1), Claimed(), [range(10**9)]
+
 WRONG: tuple[Any, ...] = (
     None, True, False, 0, 1, -1, 3, 2**63, 2**64, -(2**70), 10**400, -(10**400),
     0.5, -0.5, -0.0, 1.0, 5e-324, 1e-300, 1e308, -1e308, inf, -inf, nan, 1j, Fraction(1, 3), Decimal("NaN"),
@@ -90,7 +102,7 @@ WRONG: tuple[Any, ...] = (
     np.array([["a", "b"]]), np.array([None, 1], object), np.zeros((2, 2), bool), np.zeros((2, 2), complex),
     np.ma.masked_array([1.0, 2.0], [True, False]), np.zeros(3, [("a", float)]),
     np.array(["2000-01-01"], "datetime64[D]"),
-    object(), object, len, iter(()), (v for v in (1, 2)), lambda: None, lambda *a: a, lambda *a: None,
+    *HUGE, object(), object, len, iter(()), (v for v in (1, 2)), lambda: None, lambda *a: a, lambda *a: None,
     lambda *a: (nan, nan), lambda t, x, p: (x[5],), lambda x, p: (p.nothing, 0.0), lambda n: 1 / 0,
     Path("no/such/file"), Path(), int, Exception("x"), Ellipsis, NotImplemented, slice(1, 2), memoryview(b"abcd"),
     bytearray(b"ab"), CellGrid((0.0,), (1.0,), (4,)), CellGrid((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (2, 2, 2)),
@@ -189,6 +201,19 @@ def test_good_arguments_are_good() -> None:
     assert "nearest to the roots of unity" in refused["TransferOperator.cycle"]
 
 
+def test_ranges_without_end_are_refused_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By every argument, as a sequence is that claims to be so long."""
+    monkeypatch.setattr(f"{__name__}.LONGEST", 20.0)
+    turns = itertools.cycle(HUGE)
+    for name in (name for name in TARGETS if name not in LONG_TO_COMPILE):
+        good = good_arguments(name)
+        for key, huge in zip((p.name for p in parameters(name)), turns, strict=False):
+            began = time.process_time()
+            found = fault(name, {**good, key: huge})
+            assert found is None, f"{written(name, {key: huge})} ends in {found}"
+            assert time.process_time() - began < 1.0, written(name, {key: huge})
+
+
 def test_two_thousand_calls() -> None:
     fuzz([name for name in TARGETS if name not in LONG_TO_COMPILE], 2_000)
 
@@ -200,8 +225,8 @@ def test_a_hundred_thousand_calls() -> None:
 
 @pytest.mark.slow
 def test_no_argument_takes_rows_of_different_lengths() -> None:
-    """Nor do those that take arrays end in an error of NumPy's for matrices and arrays of other shapes."""
-    unlike = (RAGGED, [1, [2, 3]], np.eye(2).view(np.matrix), MATRIX, np.ones((2, 2)))
+    """Nor do those that take arrays end in an error of NumPy's for matrices, other shapes and huge ranges."""
+    unlike = (RAGGED, [1, [2, 3]], np.eye(2).view(np.matrix), MATRIX, np.ones((2, 2)), *HUGE)
     for name in (name for name in TARGETS if name not in LONG_TO_COMPILE):
         for key, value in itertools.product((p.name for p in parameters(name)), unlike):
             found = fault(name, {**good_arguments(name), key: value})

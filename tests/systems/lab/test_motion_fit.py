@@ -11,8 +11,18 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from cellmap import ForcedSystem, trajectory
-from systems import Gravity, Pendulum, double_pendulum, driven_pendulum, scene
-from systems.lab import fit_damping, fit_motion, free_pendulum
+from systems import Chain, Gravity, Pendulum, VerticalDrive, ViscousDamping, double_pendulum, driven_pendulum, scene
+from systems.lab import (
+    compare_decays,
+    fit_circle,
+    fit_damping,
+    fit_motion,
+    free_pendulum,
+    quadratic_decay,
+    record_acceleration,
+    recover_drive,
+    swing_envelope,
+)
 from systems.lab.free_swings.simulation import Simulation, clear_of_noise
 
 TRUE = {"length": 0.069, "damping": 0.4}
@@ -332,7 +342,62 @@ def test_parameters_that_the_motion_does_not_tell_are_named(
 ) -> None:
     """A pendulum tells gravity over length alone."""
     times, angles = film
-    both = fit_motion(rod(length=0.07), times, noisy(angles, 0), ["length", "gravity", "damping"])
+    with pytest.warns(UserWarning, match=r"length=0\.\d+ \+- .*, gravity=.*does not tell it from zero; fit fewer"):
+        both = fit_motion(rod(length=0.07), times, noisy(angles, 0), ["length", "gravity", "damping"])
     assert both.undetermined == ("length", "gravity")
     assert "length undetermined" in repr(both)
     assert fit_motion(rod(length=0.07), times, noisy(angles, 0), ["length", "damping"]).undetermined == ()
+
+
+def test_damping_that_a_double_pendulum_does_not_tell_is_warned_of() -> None:
+    """A second in which the upper joint loses 1 % of its energy, under noise of 0.03 rad."""
+
+    def links(damping: float) -> ForcedSystem:
+        effects = Gravity(9.8), ViscousDamping((damping, damping))
+        return scene(Chain((0.5, 0.5), (1.0, 1.0)), *effects, period=1.0)
+
+    motion = trajectory(links(0.02), [0.6, 0.5, 0.0, 0.0], periods=1, samples_per_period=60)
+    noise = np.random.default_rng(1).normal(0.0, 0.03, (len(motion.times), 2))
+    with pytest.warns(UserWarning, match=r"damping_1=0\.\d+ \+- ") as told:
+        found = fit_motion(links(0.05), motion.times, motion.states[:, :2] + noise, ["damping_1"])
+    assert told[0].filename == __file__
+    assert found.converged
+    assert found.undetermined == ("damping_1",)
+    assert found.standard_errors["damping_1"] > found.estimates["damping_1"]
+
+
+def test_guesses_take_the_place_of_extremes(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
+    """Three extremes are enough for the motion, and too few for its decay profile; six are asked for everywhere."""
+    times, angles = film
+    t, x = times[:230], noisy(angles, 3)[:230]
+    with pytest.raises(ValueError, match=r"angles have 3 extremes.*at least 6, .*give guess= of length, damping"):
+        fit_damping(t, x, ["viscous"])
+    with pytest.raises(ValueError, match=r"at least 6, .*give guess= of damping$"):
+        fit_damping(t, x, ["viscous"], guess={"length": 0.08})
+    fits = fit_damping(t, x, ["viscous"], guess={"length": 0.08, "damping": 2.0})
+    assert fits.profile is None
+    for name, value in TRUE.items():
+        assert fits.best.estimates[name] == pytest.approx(value, abs=4.0 * fits.best.standard_errors[name])
+    with pytest.raises(ValueError, match=r"guess\['damping'\]=0: give a number above 0"):
+        fit_damping(t, x, ["viscous"], length=0.069, guess={"damping": 0})
+    with pytest.raises(ValueError, match="guess has 'length': what is fitted is damping"):
+        fit_damping(t, x, ["viscous"], length=0.069, guess={"length": 0.07})
+
+
+def test_all_fits_of_the_laboratory_name_what_is_undetermined() -> None:
+    """By one rule; the best kind of damping, and a radius, are warned of."""
+    t = np.linspace(0.0, 8.0, 1601)
+    swings = swing_envelope(t, 0.3 * np.exp(-0.2 * t) * np.cos(12.0 * t) + noisy(0.0 * t, 0, 1e-3))
+    assert compare_decays(swings)["viscous and dry"].undetermined == ("friction",)
+    with pytest.warns(UserWarning, match=r"friction=.* \+- .*compare fewer kinds="):
+        assert "friction undetermined" in repr(compare_decays(swings, kinds=["viscous and dry"]).best)
+    line = quadratic_decay(swing_envelope(t, (0.9 - 0.1 * t) * np.cos(12.0 * t) + noisy(0.0 * t, 0)))
+    assert line.undetermined == ("a",)
+    t = np.linspace(0.0, 1.0, 2000, endpoint=False)
+    found = recover_drive(t, record_acceleration(VerticalDrive(0.003, 50.0), t, noise=3.0, rng=1), harmonics=4)
+    faint = np.flatnonzero(found.amplitudes < found.amplitude_errors) + 1
+    assert found.undetermined == tuple(faint) != ()
+    turn = np.linspace(0.0, 0.3, 20)
+    arc = np.stack([np.cos(turn), np.sin(turn)], axis=-1) + np.random.default_rng(0).normal(0.0, 0.01, (20, 2))
+    with pytest.warns(UserWarning, match=r"radius=.*wider swing"):
+        fit_circle(arc, least_arc=0.01)
