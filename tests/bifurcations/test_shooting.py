@@ -41,13 +41,31 @@ def test_matrices_that_are_not_finite_have_no_multipliers() -> None:
     assert np.isnan(multipliers_of_product(np.full((2, 2, 2), np.nan))).all()
 
 
-def test_multipliers_up_to_1e32() -> None:
-    # x = cos t, y = 0, with multipliers exp(2 pi rate) and exp(-2 pi).
-    def rhs(t: float, x: Any, p: Any) -> Any:
-        return p.rate * (x[0] - cos(t)) - sin(t) + x[1] ** 2, -x[1] + 0.3 * x[1] ** 2
+def growing(t: float, x: Any, p: Any) -> Any:
+    """The orbit x = cos t, y = 0, with multipliers exp(2 pi rate) and exp(-2 pi)."""
+    return p.rate * (x[0] - cos(t)) - sin(t) + x[1] ** 2, -x[1] + 0.3 * x[1] ** 2
 
-    exact = stroboscopic_map(ForcedSystem(rhs, {"rate": 0.2}, 2 * pi, ("x", "y")))
-    branch = continue_orbit(exact, periodic_orbit(exact, [1.0, 0.0]), "rate", 0.1, 12.0, step=0.1)
+
+@pytest.fixture(scope="module")
+def saddle() -> PointMap:
+    return stroboscopic_map(ForcedSystem(growing, {"rate": 0.2}, 2 * pi, ("x", "y")))
+
+
+def test_orbits_are_in_segments_before_deviations_become_large(saddle: PointMap) -> None:
+    """The multiplier is 286 at the end of one interval, where single steps serve, and 3,533 at that of the other."""
+    orbit = periodic_orbit(saddle, [1.0, 0.0])
+    ends = [continue_orbit(saddle, orbit, "rate", 0.1, last, step=0.3) for last in (0.9, 1.3)]
+    assert [in_segments(branch) for branch in ends] == [False, True]
+
+
+@pytest.mark.parametrize("most", [1, 2, 3])
+def test_the_last_point_of_a_branch_may_be_the_one_from_which_it_is_in_segments(saddle: PointMap, most: int) -> None:
+    branch = continue_orbit(saddle, periodic_orbit(saddle, [1.0, 0.0]), "rate", 0.1, 12.0, 0.1, max_points=most)
+    assert branch.ends == ("left the interval", "most points")
+
+
+def test_multipliers_up_to_1e32(saddle: PointMap) -> None:
+    branch = continue_orbit(saddle, periodic_orbit(saddle, [1.0, 0.0]), "rate", 0.1, 12.0, step=0.1)
     assert branch.ends == ("left the interval", "left the interval")
     np.testing.assert_allclose(branch.points, np.broadcast_to([1.0, 0.0], branch.points.shape), atol=1e-11)
     np.testing.assert_allclose(branch.multipliers[:, 0].real, np.exp(2 * pi * branch.values), rtol=1e-10)

@@ -10,7 +10,8 @@ import pytest
 
 from cellmap import CellGrid, ForcedSystem, PointMap, Status, angle, discrete_map, interpolated_map, stroboscopic_map
 from cellmap.maps import jacobian, swept_map
-from systems import driven_pendulum, henon_map
+from cellmap.maps.stroboscopic import method_of
+from systems import driven_pendulum, henon_map, van_der_pol_oscillator
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +53,14 @@ def test_a_discrete_map() -> None:
     swept = swept_map(henon, "b", "a")
     np.testing.assert_array_equal(swept([0.5, 0.2, 0.1, 1.2])[:2], henon.with_params(a=1.2, b=0.1)([0.5, 0.2]))
     np.testing.assert_allclose(jacobian(swept, [0.5, 0.2, 0.1, 1.2])[:2, 2:], [[0.0, -0.25], [0.5, 0.0]], rtol=1e-14)
+
+
+def test_the_method_is_that_of_the_map() -> None:
+    """Relaxation oscillations are stiff at this value, and not where a parameter among the state is tried."""
+    system = van_der_pol_oscillator(mu=30.0)
+    exact = stroboscopic_map(system)
+    assert method_of(exact) == "Rosenbrock"
+    assert exact.specified.swept(("mu",)).motion.kernel.method == "Rosenbrock"
 
 
 def test_a_parameter_called_like_a_state() -> None:
