@@ -111,7 +111,8 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         Reasons why the branch ends at its first and at its last point: "left the interval", "closed", "most points",
         "bifurcation", from which it has been switched to, or "no convergence"; "grazing" where the orbit touches a
         surface of impacts, at the last point; "impact at the section" where it has an impact at that time, beyond which
-        the same orbit goes on in a map of another phase.  Limit cycles may shrink to an equilibrium, have a period that
+        the same orbit goes on in a map of another phase; "rest begins or ends" where impacts that accumulate just come
+        to rest, and beyond do not, or the reverse.  Limit cycles may shrink to an equilibrium, have a period that
         grows without bound, touch the section, or reach its longest time; this is told with the parameter value.
     point_map : PointMap
         The map, with the parameters of the initial orbit.

@@ -63,10 +63,11 @@ class BranchSearch:
     late: Bools
 
     def __repr__(self) -> str:
-        closed = len(self.isolas)
+        closed, missed, late = len(self.isolas), int(self.missed.sum()), int(self.late.sum())
         return (
-            f"BranchSearch({len(self.branches)} branches over {self.parameter}, {closed} of them closed, "
-            f"{int(self.orbits.sum())} orbits at {len(self.values)} values)"
+            f"BranchSearch({len(self.branches)} branches over {self.parameter}, {closed} of them closed"
+            f"{f', {late} found late' if late else ''}, {int(self.orbits.sum())} orbits at {len(self.values)} values"
+            f"{f', {missed} missed' if missed else ''})"
         )
 
     @property

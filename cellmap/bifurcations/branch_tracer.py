@@ -23,6 +23,7 @@ from .kinds import BifurcationKind
 
 _FIRST_STEP, _NEAREST = 0.02, 1e-12  # first step on a new branch, scaled, and the shortest
 LARGE, GRAZING, AT_SECTION = "large multipliers", "grazing", "impact at the section"
+RESTING, _ACROSS = "rest begins or ends", 1e-6  # and a step across that place, longer than those that led to it
 OUTGROWN, _OUTGROWN = "outgrown", 1e3  # times its unit that an orbit is when it gets a larger one
 _ON_SURFACE = 1e-6  # value of a guard on its surface, where steps have become as short as 1e-9
 _SEEN, _LOCATED = 10, 1e-9  # last points that tell where orbits graze, and the scaled error of that place
@@ -120,7 +121,9 @@ class BranchTracer:
             end = cycles.end_of(places, fastest) or end
         if end in (LOST, LARGE):
             distance, struck = self._contacts(places[-1:])
-            if (last := self._where_it_grazes(places[-_SEEN:])) is not None:
+            if end == LOST and self._rests_on_one_side(places[-1]):
+                end = RESTING
+            elif (last := self._where_it_grazes(places[-_SEEN:])) is not None:
                 places, end = [*places, last], GRAZING
             elif end == LOST and struck > -np.inf and abs(distance) <= GRAZES:
                 end = GRAZING
@@ -160,6 +163,11 @@ class BranchTracer:
         if best is None or np.linalg.norm(best - near[-1]) > np.linalg.norm(near[-1] - near[0]):
             return None
         return replace(places[-1], unknowns=best)
+
+    def _rests_on_one_side(self, place: SolutionPoint) -> bool:
+        """Return whether orbits come to rest either before a place or beyond it, and with a number of impacts else."""
+        sides = [replace(place, unknowns=place.unknowns + d * place.tangent) for d in (-_ACROSS, _ACROSS)]
+        return bool(np.isinf(self._contacts(sides)[1]).sum() == 1)
 
     def _strikes_at_section(self, place: SolutionPoint) -> bool:
         """Return whether there is an impact at the time of the section, before or after which states are other ones."""

@@ -51,6 +51,7 @@ def test_an_isola_that_the_second_search_alone_finds_is_told() -> None:
     ):
         found = find_branches(exact, "q", -2.0, 2.0, WINDOW, n_values=2)
     assert found.late.tolist() == [True]
+    assert "1 of them closed, 1 found late, 0 orbits at 2 values)" in repr(found)
     assert found.missed.tolist() == found.orbits.tolist() == [0, 0]
 
 
@@ -68,6 +69,7 @@ def test_orbits_that_coarse_cells_miss_are_told() -> None:
     q = found.values
     expected = 1 + 2 * (np.abs(q) < 1.0) + 2 * (np.abs(q - 0.5) < 0.5)
     np.testing.assert_array_equal(found.orbits + found.missed, expected)
+    assert repr(found).endswith(f"at 9 values, {found.missed.sum()} missed)")
 
 
 def test_branches_of_the_logistic_map_are_found_once() -> None:
