@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import cos, pi
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +10,10 @@ import numpy as np
 import pytest
 import xarray
 
-from cellmap import continue_orbit, discrete_map, periodic_orbit
+from cellmap import ForcedSystem, continue_orbit, discrete_map, periodic_orbit, stroboscopic_map
 from cellmap.bifurcations import BifurcationKind, Branch, OrbitFunction, continue_bifurcation, switch_branch
 from cellmap.exchange import from_xarray, to_xarray
+from cellmap.maps import Impact
 from systems import henon_map
 
 
@@ -31,6 +33,24 @@ def same(one: Any, other: Any) -> None:
     for name in ("values", "points", "multipliers"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     assert one.ends == other.ends and one.period == other.period
+
+
+def test_a_branch_that_ends_at_grazing_returns_from_a_file(tmp_path: Path) -> None:
+    """Beside grazing one multiplier is as large as one likes, and at it there is none."""
+    wall = Impact(lambda t, x, p: 1.0 - x[0], lambda t, x, p: (x[0], -0.8 * x[1]))
+    struck = ForcedSystem(
+        lambda t, x, p: (x[1], p.F * cos(0.7 * t) - 0.1 * x[1] - x[0]),
+        {"F": 0.53},
+        2 * pi / 0.7,
+        ("x", "v"),
+        impacts=[wall],
+    )
+    exact = stroboscopic_map(struck, rtol=1e-11, atol=1e-11)
+    branch = continue_orbit(exact, periodic_orbit(exact, exact.iterate([0.2, 0.3], 400).points), "F", 0.5, 0.53, 0.1)
+    assert branch.ends == ("grazing", "left the interval")
+    same(through_a_file(branch, tmp_path / "branch.nc", exact), branch)
+    with pytest.raises(ValueError, match="give the map of the branch"):
+        from_xarray(branch.to_xarray(), stroboscopic_map(struck.with_params(F=0.5), phase=0.1))
 
 
 def test_a_branch_from_a_file_is_continued_as_before(branch: Branch, tmp_path: Path) -> None:
