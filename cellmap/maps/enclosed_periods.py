@@ -29,6 +29,7 @@ _MORE = 1.2  # times as many steps are worth another pass
 _HOPE = 8  # times as many steps enclose a sample of boxes without an enclosure, or they are given up
 _SAMPLE = 64
 _ROUNDS = 8
+_GOLDEN = 0.6180339887498949  # whose multiples are nowhere near fractions of small numbers (Hurwitz 1891)
 _CLIMB = 32  # times as many steps as most boxes need: with more there is little hope
 
 
@@ -178,12 +179,18 @@ def period_of(system: ForcedSystem, phase: float, parameters: Floats, exact: boo
 
 @functools.lru_cache(maxsize=64)
 def _hold_to_period(system: ForcedSystem, parameters: tuple[tuple[float, float], ...]) -> None:
-    """Refuse intervals of parameters, given by midpoints and radii, that change the period of a right-hand side."""
-    middle = dict(zip(system.params, (m for m, _ in parameters), strict=True))
+    """Refuse intervals of parameters, given by midpoints and radii, that change the period of a right-hand side.
+
+    Ends and middles may be whole numbers, which leave a period as it is: places that are none of these are held to it
+    as well, the other parameters always at such a place.
+    """
+    places = {
+        n: m + (_GOLDEN * k % 1.0) * r for k, (n, (m, r)) in enumerate(zip(system.params, parameters, strict=True), 1)
+    }
     for (name, own), (m, r) in zip(system.params.items(), parameters, strict=True):
-        for value in (m - r, m, m + r) if (m, r) != (own, 0.0) else ():
+        for value in (m - r, m, m + r, places[name]) if (m, r) != (own, 0.0) else ():
             try:
-                replace(system, params=middle | {name: value})
+                replace(system, params=places | {name: value})
             except ValueError as error:
                 if "period" not in str(error):
                     raise

@@ -189,6 +189,21 @@ def test_a_parameter_that_changes_the_period_of_the_forcing_asks_for_a_function(
     assert held.proved.all() and (np.abs(own - held.images[0]) <= held.image_radii[0]).all()
 
 
+def test_intervals_whose_ends_and_middles_keep_the_period_are_held_to_it() -> None:
+    """cos(a t) has it for whole a, a b cos(sqrt(2) t) at the middle of either interval, and cos(t + a b) everywhere."""
+
+    def of(force: Any) -> PointMap:
+        rhs = lambda t, x, p: (-x[0] + force(t, p),)  # noqa: E731
+        return stroboscopic_map(ForcedSystem(rhs, {"a": 0.0, "b": 0.0}, math.tau, ("q",)))
+
+    with pytest.raises(ValueError, match="the period of the right-hand side changes with a"):
+        enclosed_images(of(lambda t, p: math.cos(p.a * t)), [[0.0]], [0.1], parameters={"a": (1.0, 3.0)})
+    both = {"a": (-1.0, 1.0), "b": (-1.0, 1.0)}
+    with pytest.raises(ValueError, match="the period of the right-hand side changes with a"):
+        enclosed_images(of(lambda t, p: p.a * p.b * math.cos(math.sqrt(2.0) * t)), [[0.0]], [0.1], parameters=both)
+    assert enclosed_images(of(lambda t, p: math.cos(t + p.a * p.b)), [[0.0]], [0.1], parameters=both).proved.all()
+
+
 def test_narrower_boxes_have_narrower_enclosures() -> None:
     excess = []
     for width in (1e-3, 1e-5, 1e-7):
