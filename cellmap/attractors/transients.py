@@ -53,7 +53,8 @@ REMEDIES = {
     Reason.LATE: _MORE,
     Reason.CREEPING: _MORE + ", or take them for what they would come to: some never reach the place where they rest",
     Reason.ENDING: _MORE,
-    Reason.PERIODIC: "lower rtol and atol of the map, or move the parameters away from the bifurcation",
+    Reason.PERIODIC: "lower rtol and atol of the map, move the parameters away from the bifurcation, or tell the final "
+    "states apart by classify_by_features",
     Reason.RESONANT: "change a parameter a little, so that the rotation number moves away from the resonance",
     Reason.PRESERVED: "there is no attractor to be found: add damping",
     Reason.TORUS: _MORE + ", or use classify_by_features: such a torus has no trapping region here",

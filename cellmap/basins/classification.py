@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,9 @@ from ..maps.coordinates import Coordinate
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
 from .record import Basins
+
+Outcome = Callable[[Floats], Any]
+"""Tells of each point (n, d) the number of the final state in which it is, -1 while it is in none."""
 
 _MAX_PERIODS = 2000
 
@@ -65,6 +69,8 @@ def labeller(
     attractors: Sequence[Attractor] = (),
     point_map: PointMap | None = None,
     max_periods: int | None = None,
+    name: str = "source",
+    outcome: Outcome | None = None,
 ) -> Labeller:
     """Return what labels any point as basins do.
 
@@ -78,6 +84,10 @@ def labeller(
         Another map to use; by default the exact one behind the map of the basins.
     max_periods : int, optional
         By default that of the basins, or 2000.
+    name : str, optional
+        Argument that the source is, in messages.
+    outcome : callable, optional
+        What tells final states in the place of attractors.
 
     Raises
     ------
@@ -91,23 +101,38 @@ def labeller(
         used = point_map or (None if source.point_map is None else source.point_map.without_table)
         if used is None:
             raise ValueError(
-                "these basins have no map, as it is with basins from a file: give point_map=, from rebuild_map"
+                f"{name}={shown(source)}: these basins have no map, as it is with basins from a file: "
+                "recompute_basins(basins, system) has one, or give it by the argument point_map, if there is one"
             )
         periods = max_periods or source.settings.get("max_periods", _MAX_PERIODS)
     elif isinstance(source, PointMap):
         used, periods = point_map or source, max_periods or _MAX_PERIODS
     else:
-        raise TypeError(f"source={shown(source)}: give Basins, made by find_basins, or a PointMap with its attractors")
+        raise TypeError(f"{name}={shown(source)}: give Basins, made by find_basins, or a PointMap with its attractors")
+    most = whole_number("max_periods", periods, at_least=1)
+    if outcome is not None:
+        if not callable(outcome):
+            raise TypeError(f"outcome={shown(outcome)}: give a function of points (n, {used.dimension})")
+        return Labeller(used, (), Catalogue.of((), used), most, partial(_numbers, outcome))
     check_attractors(attractors, used, "attractors")
     if not len(attractors):
         if isinstance(source, Basins):
             raise ValueError(
-                f"basins={shown(source)}: no attractor is verified, so that no state has a basin; "
-                "find_basins with a larger max_periods=, or with attractors=, if orbits approach any"
+                f"{name}={shown(source)}: no attractor is verified, so that no state has a basin; the warning of "
+                "find_basins says why and what helps, and classify_by_features and edge_orbit(outcome=) do without"
             )
         raise ValueError("attractors is empty: without an attractor there is no basin; find attractors first")
-    most = whole_number("max_periods", periods, at_least=1)
     return Labeller(used, tuple(attractors), Catalogue.of(attractors, used), most)
+
+
+def _numbers(outcome: Outcome, points: Floats) -> Ints:
+    numbers = np.asarray(outcome(points))
+    if numbers.shape != (len(points),) or numbers.dtype.kind not in "iu":
+        raise ValueError(
+            f"outcome returns {numbers.dtype} of the shape {numbers.shape} for {len(points)} points: return one whole "
+            "number for each, -1 for points that are in no final state yet"
+        )
+    return numbers.astype(np.int64)
 
 
 def own_label(basins: Basins, label: int, argument: str = "label") -> int:

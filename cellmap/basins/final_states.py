@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
-
-from .._lib.arrays import Floats, Ints
 from .._lib.checks import whole_number
-from ..attractors.settling import Catalogue
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
-from .classification import Labeller, labeller
+from .classification import Labeller, Outcome, labeller
 from .finding import find_basins
 from .record import Basins
-
-Outcome = Callable[[Floats], Any]
-"""Tells of each point (n, d) the number of the final state in which it is, -1 while it is in none."""
 
 _COARSE = 4096  # cells from which attractors are sought
 
@@ -75,10 +66,7 @@ def final_states(
     if max(region.shape) == 1:
         raise ValueError(f"region={region!r} is one cell: give two cells at least along the axes that it spans")
     if outcome is not None:
-        if not callable(outcome):
-            raise TypeError(f"outcome={outcome!r}: give a function of points (n, {point_map.dimension})")
-        known = Labeller(point_map, (), Catalogue.of((), point_map), max_periods, functools.partial(_numbers, outcome))
-        return FinalStates(known, region)
+        return FinalStates(labeller(point_map, max_periods=max_periods, outcome=outcome), region)
     if not attractors:
         attractors = find_basins(point_map, _coarse(region), max_periods).attractors
     if not attractors:
@@ -90,13 +78,3 @@ def _coarse(region: CellGrid) -> CellGrid:
     wide = sum(n > 1 for n in region.shape)
     side = max(2, int(_COARSE ** (1.0 / wide)))
     return CellGrid(region.lower, region.upper, tuple(side if n > 1 else 1 for n in region.shape))
-
-
-def _numbers(outcome: Outcome, points: Floats) -> Ints:
-    numbers = np.asarray(outcome(points))
-    if numbers.shape != (len(points),) or numbers.dtype.kind not in "iu":
-        raise ValueError(
-            f"outcome returns {numbers.dtype} of the shape {numbers.shape} for {len(points)} points: return one whole "
-            "number for each, -1 for points that are in no final state yet"
-        )
-    return numbers.astype(np.int64)

@@ -192,7 +192,7 @@ def follow_over(
 
     Derivatives by the parameters foresee where it moves.  A point has no orbit if none of its neighbours leads there.
     """
-    exact, state, period = begin_orbit(point_map, orbit, names[0])
+    exact, state, period = begin_orbit(point_map, orbit, names[0], "equilibrium")
     known_parameter("y[0]", names[1], exact.params)
     problem = orbit_problem(exact, state, period, names, (float(np.ptp(x)), float(np.ptp(y))))
     claim_memory(f"an orbit over {x.size} x {y.size} points", 8 * x.size * y.size * problem.dimension, "give fewer")
@@ -204,8 +204,8 @@ def follow_over(
     start = _follow_one_branch(problem, start, own, np.array([[x[first[1]], y[first[0]]]]))
     if np.isnan(start.states).any():
         raise ValueError(
-            f"orbit={orbit!r}: it ceases to exist between {names[0]}={own[0, 0]:g}, {names[1]}={own[0, 1]:g} and the "
-            "nearest point of the grid; give values nearer to its own"
+            f"equilibrium={orbit!r}: it ceases to exist between {names[0]}={own[0, 0]:g}, {names[1]}={own[0, 1]:g} and "
+            "the nearest point of the grid; give values nearer to its own"
         )
     grid[first] = start[0]
     known, tries = np.zeros(shape, bool), np.zeros(shape, np.int64)

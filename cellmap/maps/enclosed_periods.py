@@ -165,7 +165,7 @@ def period_of(system: ForcedSystem, phase: float, parameters: Floats, exact: boo
     function, names = period_as_map(system.period), tuple(system.params)
     if reason := why_untraced(function, 1, system.params):
         raise ValueError(
-            f"period={system.period!r}: its formula is not known, {reason}; give the parameters as numbers"
+            f"parameters: the formula of the period {system.period!r} is not known, {reason}; give them as numbers"
         )
     kernel = map_enclosure(function, 1, names)
     state = np.zeros((kernel.rows.count, 8))
@@ -196,7 +196,7 @@ def _hold_to_period(system: ForcedSystem, parameters: tuple[tuple[float, float],
                     raise
                 raise ValueError(
                     f"parameters={{{name!r}: ({m - r:g}, {m + r:g})}}: the period of the right-hand side changes with "
-                    f"{name}, and period={system.period!r} is a number; give a function, such as "
+                    f"{name}, and period={system.period!r} is a number; give ForcedSystem a function, such as "
                     f"period=lambda p: 2 * pi / p.{name}"
                 ) from error
 

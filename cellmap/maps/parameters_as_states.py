@@ -186,7 +186,8 @@ def with_states(system: ForcedSystem, names: tuple[str, ...]) -> ForcedSystem | 
         if period is None and "period" in str(error):
             raise ValueError(
                 f"parameters={names!r}: the period of the right-hand side changes with a parameter, and period="
-                f"{system.period!r} is a number; give a function, such as period=lambda p: 2 * pi / p.omega"
+                f"{system.period!r} is a number; give ForcedSystem a function, such as "
+                "period=lambda p: 2 * pi / p.omega"
             ) from error
         raise
 

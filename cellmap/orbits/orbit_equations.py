@@ -189,18 +189,20 @@ class OrbitProblem:
         return closed_orbit(exact, state, self.period, sizes)
 
 
-def begin_orbit(point_map: PointMap, orbit: PeriodicOrbit | Attractor, name: str) -> tuple[PointMap, Floats, int]:
+def begin_orbit(
+    point_map: PointMap, orbit: PeriodicOrbit | Attractor, name: str, argument: str = "orbit"
+) -> tuple[PointMap, Floats, int]:
     """Return the exact map, a point of the orbit and its period; refuse what is no periodic orbit of the map."""
     if not isinstance(point_map, PointMap):
         raise TypeError(f"point_map={point_map!r}: give a PointMap, such as stroboscopic_map returns")
     if not isinstance(orbit, PeriodicOrbit | Attractor):
-        raise TypeError(f"orbit={orbit!r}: give a PeriodicOrbit or an Attractor")
+        raise TypeError(f"{argument}={orbit!r}: give a PeriodicOrbit or an Attractor")
     exact = point_map.without_table
     known_parameter("parameter", name, exact.params)
     if not orbit.period:
-        raise ValueError(f"orbit={orbit!r}: give a periodic orbit")
+        raise ValueError(f"{argument}={orbit!r}: give a periodic orbit")
     if orbit.coordinates != exact.coordinates:
-        raise ValueError(f"orbit={orbit!r}: its coordinates are not those of {exact!r}")
+        raise ValueError(f"{argument}={orbit!r}: its coordinates are not those of {exact!r}")
     return exact, np.array(orbit.points[0]), orbit.period
 
 

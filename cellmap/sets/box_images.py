@@ -333,7 +333,7 @@ def bisections(depth: int | Sequence[int], grid: CellGrid) -> list[int]:
     if len(depths) != grid.dimension:
         raise ValueError(f"depth={depth!r}: give one number, or one for each of the {grid.dimension} coordinates")
     depths = [whole_number("depth", n, at_most=60) for n in depths]
-    finer(grid, [n << k for n, k in zip(grid.shape, depths, strict=True)])
+    finer(grid, [n << k for n, k in zip(grid.shape, depths, strict=True)], f"depth={depth!r}")
     return [j for k in range(max(depths)) for j, n in enumerate(depths) if k < n]
 
 

@@ -151,7 +151,7 @@ class BoxSet:
             places = np.repeat(places, 2, axis=0)
             places[:, j] *= 2
             places[1::2, j] += 1
-        return BoxSet(finer(self.grid, shape), _numbers(places, shape))
+        return BoxSet(finer(self.grid, shape, "axes"), _numbers(places, shape))
 
     def neighbours(self) -> BoxSet:
         """Return the boxes outside the set that share a face, an edge or a corner with it."""
@@ -197,10 +197,10 @@ def distinct(keys: Ints) -> Ints:
     return keys
 
 
-def finer(grid: CellGrid, shape: Sequence[int]) -> CellGrid:
+def finer(grid: CellGrid, shape: Sequence[int], argument: str) -> CellGrid:
     """Return the same window in other cells."""
     if np.prod([int(n) for n in shape], dtype=object) > MOST_CELLS:
-        raise ValueError(f"shape={tuple(shape)}: at most 2**62 cells can be numbered; bisect fewer times")
+        raise ValueError(f"{argument}: of {tuple(shape)} cells at most 2**62 can be numbered; bisect fewer times")
     return replace(grid, shape=tuple(int(n) for n in shape))
 
 

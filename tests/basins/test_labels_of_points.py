@@ -103,7 +103,7 @@ def test_the_exact_map_labels_unless_another_is_given(basins):
     assert labeller(coarse).point_map is WELLS
     assert labeller(coarse, point_map=table).point_map is table
     assert labeller(WELLS, basins.attractors, point_map=table).point_map is table
-    with pytest.raises(ValueError, match="give point_map="):
+    with pytest.raises(ValueError, match="recompute_basins"):
         labeller(replace(basins, point_map=None))
     assert labeller(replace(basins, point_map=None), point_map=WELLS).attractors == basins.attractors
 

@@ -12,7 +12,7 @@ from ..._lib.checks import affordable_number, finite_number, whole_number
 from ..._lib.fit import Fit, fit_line
 from ..._lib.signatures import checked
 from ...attractors.labels import Label
-from ...basins.classification import Labeller, labeller, own_label, places_of, scale_of, span_of
+from ...basins.classification import Labeller, Outcome, labeller, own_label, places_of, scale_of, span_of
 from ...basins.record import Basins
 from ...maps.coordinates import Coordinate, difference, state_points, wrap
 from ...maps.point_map import PointMap, follow
@@ -79,6 +79,7 @@ def edge_orbit(
     scale: ArrayLike | None = None,
     point_map: PointMap | None = None,
     max_periods: int | None = None,
+    outcome: Outcome | None = None,
 ) -> EdgeOrbit:
     r"""Compute the edge state of a basin boundary by alternating bisection and iteration (edge tracking).
 
@@ -110,6 +111,10 @@ def edge_orbit(
         Map to use instead of the exact one.
     max_periods : int, optional
         Periods after which a state is undecided.
+    outcome : callable, optional
+        What tells final states, where no attractor is verified, or others are to be told apart: ``outcome(points)``
+        returns for each of the points (n, dimension) the number of the final state in which it is, -1 while it is in
+        none.  Labels are these numbers.
 
     Returns
     -------
@@ -138,7 +143,7 @@ def edge_orbit(
     longest = whole_number("longest_period", longest_period, at_least=1)
     close = finite_number("min_separation", min_separation, above=1e-15)
     apart = finite_number("max_separation", max_separation, above=close, at_most=0.1)
-    label = labeller(basins, point_map=point_map, max_periods=max_periods)
+    label = labeller(basins, point_map=point_map, max_periods=max_periods, name="basins", outcome=outcome)
     unit = scale_of(scale, basins.coordinates, span_of(basins))
     side, pair = _first_pair(basins, label, inside, outside, unit)
     pair, found = _bisected(label, pair, side, close, unit)
@@ -183,7 +188,8 @@ def _first_pair(
     if isinstance(inside, int | np.integer) != isinstance(outside, int | np.integer):
         raise TypeError(f"inside={inside!r}, outside={outside!r}: give two labels, or two states")
     if isinstance(inside, int | np.integer) and isinstance(outside, int | np.integer):
-        side, other = own_label(basins, int(inside), "inside"), int(outside)
+        side = int(inside) if label.rule else own_label(basins, int(inside), "inside")
+        other = int(outside)
         if other in (side, Label.UNDECIDED):
             raise ValueError(f"outside={outside!r}: give the label of what lies beside basin {side}")
         return side, _neighbours(basins, label, side, other, unit)
@@ -202,7 +208,8 @@ def _neighbours(basins: Basins, label: Labeller, side: int, other: int, unit: Fl
     The second one is moved a little, in all coordinates: of two mirror images in a system with that symmetry the
     separation would never leave one direction.
     """
-    labels, places = basins.labels.ravel(), places_of(basins)
+    places = places_of(basins)
+    labels = label(places) if label.rule else basins.labels.ravel()
     mine, theirs = places[labels == side], places[labels == other]
     if not (len(mine) and len(theirs)):
         raise ValueError(

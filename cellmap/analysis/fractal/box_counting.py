@@ -350,6 +350,7 @@ def fit_sizes(
     window: tuple[float, float] | None,
     labels: tuple[str, str],
     to_the_end: bool = False,
+    argument: str = "sizes",
 ) -> Fit:
     """Fit a line among usable sizes, or between two given ones."""
     if window is None:
@@ -357,7 +358,7 @@ def fit_sizes(
             remedy = "cells, or lattice=1" if subject == "basins" else "points"
             raise ValueError(
                 f"{subject}: {np.count_nonzero(usable)} sizes of boxes lie between those that saturate at either end, "
-                f"and a window needs 3 neighbours; give more {remedy}, or choose sizes= and fit_range="
+                f"and a window needs 3 neighbours; give more {remedy}, or choose {argument}= and fit_range="
             )
         fit = scaling_fit(x, np.where(usable, y, np.nan), labels=labels, to_the_end=to_the_end)
         return replace(fit, y=y)

@@ -151,7 +151,8 @@ def correlation_dimension(
         y, errors = -np.log(ratios), logs.std(axis=0, ddof=1) / np.sqrt(_BLOCKS)
     usable = (counts.sum(axis=0) >= 2 * _FEWEST_PAIRS) & (distances <= _LARGEST * space.extent)
     x = -np.log(distances)
-    fit = fit_sizes("points", x, y, distances, usable, fit_range, ("ln 1/distance", "ln 1/fraction of pairs"))
+    labels = "ln 1/distance", "ln 1/fraction of pairs"
+    fit = fit_sizes("points", x, y, distances, usable, fit_range, labels, argument="radii")
     inside = logs[:, fit.inside]
     if np.isfinite(inside).all():
         slopes = [fit_line(x[fit.inside], -row, (0, inside.shape[1] - 1)).slope for row in inside]

@@ -15,7 +15,8 @@ from ..._lib.randomness import Rng, random_seed
 from ..._lib.signatures import checked
 from ..._lib.threads import progress_bar, run_over, slices
 from ...attractors.labels import Label
-from ...basins.final_states import FinalStates, Outcome, final_states
+from ...basins.classification import Outcome
+from ...basins.final_states import FinalStates, final_states
 from ...basins.record import Basins
 from ...maps.grid import CellGrid
 from ...maps.orbit_batch import CHUNK, Cost

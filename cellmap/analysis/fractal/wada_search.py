@@ -15,7 +15,8 @@ from ..._lib.arrays import Bools, Floats, Ints, evenly
 from ..._lib.checks import finite_number, whole_number
 from ..._lib.signatures import checked
 from ..._lib.threads import slices
-from ...basins.final_states import FinalStates, Outcome, final_states
+from ...basins.classification import Outcome
+from ...basins.final_states import FinalStates, final_states
 from ...basins.finding import find_basins
 from ...basins.record import Basins
 from ...maps.grid import CellGrid, grid_points

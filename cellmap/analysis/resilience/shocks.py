@@ -149,7 +149,7 @@ def minimal_fatal_shock(
     FatalShock(size 0.73205081, (0.732051) from attractor 0 to 1)
     """
     k = own_label(basins, label)
-    labels_of = labeller(basins, point_map=point_map, max_periods=max_periods)
+    labels_of = labeller(basins, point_map=point_map, max_periods=max_periods, name="basins")
     coordinates = basins.coordinates
     d = len(coordinates)
     unit = scale_of(scale, coordinates, span_of(basins))

@@ -234,7 +234,7 @@ def _landing(
     before: Basins, after: Basins, columns: tuple[int, ...], point_map: PointMap | None
 ) -> tuple[tuple[int, ...], Floats]:
     """Return the columns with those of labels that only points of attractors have, and the landing of the points."""
-    label = labeller(after, point_map=point_map)
+    label = labeller(after, point_map=point_map, name="after")
     ends = [label(a.points) for a in before.attractors]
     columns = (*columns, *sorted({int(k) for e in ends for k in e} - set(columns), reverse=True))
     return columns, np.array([[np.mean(e == k) for k in columns] for e in ends]).reshape(len(ends), len(columns))

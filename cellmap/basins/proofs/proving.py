@@ -126,7 +126,10 @@ def prove(
         )
     claim_memory(f"proofs of {cells:,} cells", _BYTES * cells, "take fewer splits, or a grid of fewer cells")
     places = _some_places(basins, point_width(intervals) * extent)
-    enclosed_images(exact, *places, parameters=intervals)  # says why maps without enclosures have none
+    try:
+        enclosed_images(exact, *places, parameters=intervals)
+    except (TypeError, ValueError) as error:  # that says why maps without enclosures have none
+        raise type(error)(f"basins.{error}") from error
     check_periods(exact, *places, intervals)
     attractors, boxes = {}, 0
     for k in _provable(basins):

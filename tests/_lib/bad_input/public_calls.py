@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
 from collections.abc import Callable, Mapping
 from functools import cache
 from math import pi
@@ -354,3 +355,21 @@ def called(name: str, arguments: Mapping[str, Any]) -> Any:
     by_place = [p.name for k, p in enumerate(given) if p.kind is p.POSITIONAL_ONLY or k <= max(several, default=-1)]
     named = {key: value for key, value in arguments.items() if key not in by_place}
     return function(*(arguments[key] for key in by_place if key in arguments), **named)
+
+
+def words_of(message: str) -> set[str]:
+    """Return what a message names as arguments, ``word=``."""
+    return set(re.findall(r"(?<![\w.{'\"])([a-z_][a-z_0-9]*)=(?!=)", message))
+
+
+def arguments_named(word: str, name: str, message: str = "") -> bool:
+    """Whether a word is an argument of a public function, of the class of a method, or of what the message names."""
+    parts = name.split(".")
+    things = [public_things()[parts[0]], *(getattr(public_things()[parts[0]], method) for method in parts[1:])]
+    things += [public_things()[other] for other in re.findall(r"\w+", message) if other in public_things()]
+    for thing in things:
+        if callable(thing):
+            given = inspect.signature(thing).parameters
+            if word in given or any(p.kind is p.VAR_KEYWORD for p in given.values()):
+                return True
+    return False

@@ -194,5 +194,12 @@ def test_without_an_attractor_it_says_so() -> None:
     cubic = discrete_map(lambda x, p: (2.0 * x[0] - x[0] ** 3,), {}, ("x",))
     with pytest.warns(UserWarning, match="undecided"):
         basins = find_basins(cubic, CellGrid((-1.4,), (1.4,), (10,)), max_periods=200)
-    with pytest.raises(ValueError, match=r"basins=.*no attractor is verified.*attractors="):
+    with pytest.raises(ValueError, match=r"basins=.*no attractor is verified.*edge_orbit\(outcome=\)"):
         edge_orbit(basins)
+    edge = edge_orbit(basins, periods=20, outcome=lambda points: (points[:, 0] > 0.0).astype(int))
+    assert edge.orbit is not None
+    assert edge.orbit.points[0, 0] == pytest.approx(0.0, abs=1e-12)  # the slope of the map there is 2
+    assert edge.orbit.multipliers[0] == pytest.approx(2.0, abs=1e-9)
+    assert edge.sides[-1].tolist() == [0, 1]
+    with pytest.raises(ValueError, match=r"outcome returns .* return one whole number"):
+        edge_orbit(basins, outcome=lambda points: points)
