@@ -193,4 +193,5 @@ def effect_in_units(name: str, effect: Callable[[float], P], size: float, units:
     try:
         return in_units(effect(size), units)
     except ValueError as error:
-        raise ValueError(f"{name}={size!r}: give a number that is moderate in these units too ({error})") from None
+        reason = str(error).replace("=", " ", 1)  # of the effect, whose parameter is none of the caller's
+        raise ValueError(f"{name}={size!r}: give a number that is moderate in these units too ({reason})") from None

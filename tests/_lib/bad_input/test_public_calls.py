@@ -24,10 +24,20 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
-from public_calls import MADE_BY, TARGETS, called, good_arguments, parameters, public_things
+from public_calls import (
+    MADE_BY,
+    TARGETS,
+    arguments_named,
+    called,
+    good_arguments,
+    parameters,
+    public_things,
+    words_of,
+)
 from small_systems import WINDOW, wells
 
 from cellmap import CellGrid, Coordinate, PointMap
+from cellmap._lib.checks import shown
 from cellmap._lib.signatures import checked
 from cellmap.maps.tangent import NotDifferentiableError
 
@@ -55,6 +65,20 @@ def names_an_argument(message: str, name: str) -> bool:
     return re.search(rf"(^|\W)({names})(, \w+)?([=:\[]| ({verbs})\b)", message) is not None
 
 
+def strange_words(message: str, name: str, arguments: Mapping[str, Any]) -> set[str]:
+    """Words that a message names as arguments, ``word=``, and that the function has not, values left aside."""
+    for value in arguments.values():
+        for text in (shown(value), repr(value)):
+            message = message.replace(text, "") if len(text) > 2 else message
+    entries = "|".join(ENTRIES.get(p.name, p.name) for p in parameters(name))
+    strange = {w for w in words_of(message) if not re.fullmatch(entries, w) and not arguments_named(w, name, message)}
+    return strange - NO_ARGUMENTS
+
+
+NO_ARGUMENTS = {"dtype", "grid", "what"}
+"""Of the text of an array; the grid itself, of its methods; an entry of checkpoints."""
+
+
 def fault(name: str, arguments: Mapping[str, Any]) -> str | None:
     """Call; return what is wrong with how the call ends."""
 
@@ -67,7 +91,7 @@ def fault(name: str, arguments: Mapping[str, Any]) -> str | None:
         called(name, arguments)
     except Exception as error:
         own = type(error) in OWN_ERRORS or isinstance(error, OSError)
-        if not own or not names_an_argument(str(error), name):
+        if not own or not names_an_argument(str(error), name) or strange_words(str(error), name, arguments):
             return f"{type(error).__name__}: {error}"
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
@@ -291,6 +315,14 @@ FAILED: tuple[tuple[str, dict[str, Any]], ...] = (
 @pytest.mark.parametrize(("name", "changed"), FAILED, ids=lambda value: value if isinstance(value, str) else None)
 def test_calls_that_have_failed(name: str, changed: dict[str, Any]) -> None:
     assert fault(name, {**good_arguments(name), **changed}) is None
+
+
+def test_arguments_of_other_functions_are_strange() -> None:
+    message = "points={}: 0 sizes; choose sizes=, samples= and window=, or box_entropy(box_size=)"
+    cloud = [[0.0], [1.0]]
+    found = strange_words(message.format(cloud), "box_dimension", {"points": cloud})
+    assert found == {"samples", "window", "box_size"}
+    assert strange_words(message.replace("box_entropy", "basin_entropy"), "box_dimension", {}) == found - {"box_size"}
 
 
 def test_records_are_made_by_what_the_errors_name() -> None:
