@@ -122,8 +122,8 @@ TABLE: dict[str, Elementary] = {
     "floor": Elementary(kernel="floor"),
     "ceil": Elementary(kernel="ceil"),
     "trunc": Elementary(kernel="trunc"),
-    "copysign": Elementary(kernel="copysign"),
     # Those of the C library are others, slower, or not there.
+    "copysign": Elementary(kernel=simd_math.with_sign, shared=True),
     "min": Elementary(kernel=simd_math.fmin, shared=True),
     "max": Elementary(kernel=simd_math.fmax, shared=True),
     "mod": Elementary(kernel=simd_math.mod, shared=True, numpy="remainder"),

@@ -60,7 +60,8 @@ def _numpy_rule(larger: bool, keep: bool) -> Rule:
 
 def _copysign(graph: BranchingGraph, a: Expression, b: Expression) -> Expression:
     size = graph.apply("fabs", a)
-    return graph.choose(graph.apply("neg", b), graph.apply("neg", size), size)  # positive at zero
+    chosen = graph.choose(graph.apply("neg", b), graph.apply("neg", size), size)  # positive at zero
+    return graph.where_defined(b, chosen, b)  # the sign bit of NaN is a matter of the processor
 
 
 def _sign(graph: BranchingGraph, a: Expression) -> Expression:

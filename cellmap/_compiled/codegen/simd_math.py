@@ -58,6 +58,11 @@ def copysign(x: Value | float, y: Value) -> Value:
     return y.function.intrinsic("copysign", value_of(x), y)
 
 
+def with_sign(x: Value, y: Value) -> Value:
+    """Value of x with the sign of y; NaN where y is NaN, whose sign bit is a matter of the processor."""
+    return where(y.equals(y), copysign(x, y), y)
+
+
 def _rounded(x: Value) -> tuple[Value, Value]:
     """Return the nearest whole number of a small one, and the sum whose last bit says whether it is odd."""
     shifted = x + ROUNDING

@@ -67,6 +67,7 @@ LEFT = {
     "maximum": lambda v: np.maximum(np.sqrt(v), 0.2),
     "minimum": lambda v: np.minimum(0.2, np.sqrt(v)),
     "copysign": lambda v: np.clip(np.copysign(np.sqrt(v), 1.0), -1.0, 1.0),
+    "sign of copysign": lambda v: np.copysign(0.3, np.sqrt(v)),
     "max": lambda v: max(np.sqrt(v), 0.2),
     "interp": lambda v: np.interp(np.sqrt(v), [0.0, 1.0], [0.0, 0.3]),
 }
