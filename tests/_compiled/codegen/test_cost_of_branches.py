@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cellmap import Status
+from cellmap import PointMap, Status
 from cellmap._compiled.codegen import filippov, switching
 from cellmap._compiled.codegen.evaluation import evaluated
 from cellmap._compiled.codegen.expression import in_order
@@ -129,4 +129,4 @@ def test_too_many_comparisons_say_what_to_do() -> None:
     assert isinstance(why, str)
     assert "more than 24 comparisons" in why
     with pytest.warns(ToleranceWarning, match=r"not located, for it makes more than 24 comparisons.*switches"):
-        warn_of_tolerance(np.array([Status.INACCURATE]), "relays", why)
+        warn_of_tolerance(np.array([Status.INACCURATE]), PointMap("relays", (), {}, print, unknown_formulas=why))
