@@ -112,7 +112,7 @@ def edge_orbit(
     max_periods : int, optional
         Periods after which a state is undecided.
     outcome : callable, optional
-        What tells final states, where no attractor is verified, or others are to be told apart: ``outcome(points)``
+        What tells final states, where no attractor is verified, or others are of interest: ``outcome(points)``
         returns for each of the points (n, dimension) the number of the final state in which it is, -1 while it is in
         none.  Labels are these numbers.
 
