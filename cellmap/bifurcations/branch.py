@@ -113,7 +113,8 @@ class Branch(ConvertsToXarray, ConvertsToDataFrame):
         surface of impacts, at the last point; "impact at the section" where it has an impact at that time, beyond which
         the same orbit goes on in a map of another phase; "rest begins or ends" where impacts that accumulate just come
         to rest, and beyond do not, or the reverse.  Limit cycles may shrink to an equilibrium, have a period that
-        grows without bound, touch the section, or reach its longest time; this is told with the parameter value.
+        grows without bound, touch the section, or reach its longest time; this is told with the parameter value.  The
+        name of a function where it was to be followed until that is zero.
     point_map : PointMap
         The map, with the parameters of the initial orbit.
     zeros : tuple of FunctionZero

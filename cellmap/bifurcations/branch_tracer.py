@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -19,7 +19,9 @@ from ..orbits.orbit_equations import OrbitProblem
 from .branch import Bifurcation, Branch, BranchPart
 from .branch_ends import LimitCycles
 from .detection import TESTS, Detector, signs
+from .function_zeros import values_of
 from .kinds import BifurcationKind
+from .period_measures import OrbitFunction
 
 _FIRST_STEP, _NEAREST = 0.02, 1e-12  # first step on a new branch, scaled, and the shortest
 LARGE, GRAZING, AT_SECTION = "large multipliers", "grazing", "impact at the section"
@@ -59,6 +61,7 @@ class BranchTracer:
     stop_at: frozenset[BifurcationKind] = frozenset()
     largest_growth: float = np.inf
     keeps_units: bool = True
+    until: Mapping[str, OrbitFunction] = field(default_factory=dict)
 
     @property
     def detector(self) -> Detector:
@@ -80,9 +83,12 @@ class BranchTracer:
         _, impacts = self._contacts([start])
         cycles = LimitCycles.of(self.problem, self.name)
         fastest = 0.0 if cycles is None else cycles.speed(start)
+        heights = self._heights(start)
 
         def visit(step: ContinuationStep, may_refuse: bool) -> End | Literal["refused"] | None:
-            nonlocal before, slopes, number, fastest
+            nonlocal before, slopes, number, fastest, heights
+            reached = self._until(step, heights)
+            step = step if reached is None else reached[1]
             # Orbits with one impact more or less are beyond grazing; those that lead to rest are without number.
             if -np.inf < self._contacts([step.end])[1] != impacts > -np.inf:
                 return "refused"
@@ -107,6 +113,9 @@ class BranchTracer:
                 slopes, number = (last - first) / step.length, number + 1
             if any(b.kind in self.stop_at and b.after > b.before == 0 for b in events):
                 return End("bifurcation", step.end)
+            if reached is not None:
+                return End(reached[0], step.end)
+            heights = self._heights(step.end)
             if box.contains(step.end) and self.problem.growth(step.end) > self.largest_growth:
                 return End(LARGE, step.end)
             if not self.keeps_units and self._grown(step.end) > _OUTGROWN and box.contains(step.end):
@@ -132,6 +141,22 @@ class BranchTracer:
         if end in (LARGE, OUTGROWN) and len(places) > self.most:
             end = MOST
         return BranchSegment(places, found, end)
+
+    def _heights(self, place: SolutionPoint) -> dict[str, float]:
+        """Return the functions at whose zeros the branch ends."""
+        orbits, unknowns = self.problem, place.unknowns[None]
+        return {name: float(values_of(orbits, (self.name,), f, unknowns)[0]) for name, f in self.until.items()}
+
+    def _until(self, step: ContinuationStep, before: Mapping[str, float]) -> tuple[str, ContinuationStep] | None:
+        """Return the first function that passes zero on a step, and the step up to there; None for none."""
+        after, found = self._heights(step.end), list[tuple[str, ContinuationStep]]()
+        for name in (
+            name for name in self.until if before[name] * after[name] < 0.0 or after[name] == 0.0 != before[name]
+        ):
+            place = step.zero(lambda place: self._heights(place)[name], (before[name], after[name]))  # noqa: B023
+            if place is not None:
+                found.append((name, replace(step, end=place, length=step.along(place.unknowns))))
+        return min(found, key=lambda f: f[1].length, default=None)
 
     def _contacts(self, places: Sequence[SolutionPoint]) -> tuple[Floats, Floats]:
         """Return how near orbits come to grazing, below 0 for those that touch, and the numbers of their impacts."""

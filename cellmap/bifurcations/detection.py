@@ -259,7 +259,7 @@ class Detector:
                 place = replace(place, unknowns=unknowns, derivatives=problem(unknowns)[1])
                 if abs(branch_direction[-1]) > _VERTICAL:
                     kind = BifurcationKind.TRANSCRITICAL
-                elif self._is_continuum(unknowns, branch_direction):
+                elif not _is_in_family(step) and self._is_continuum(unknowns, branch_direction):
                     kind, branch_direction = BifurcationKind.DEGENERATE, None
         multipliers = self.problem.multipliers(place)
         if kind is BifurcationKind.NEIMARK_SACKER and not self._is_complex(multipliers):
@@ -294,6 +294,11 @@ def _with_pitchfork_of_birth(found: list[_Candidate]) -> list[_Candidate]:
         return found
     pitchfork = replace(place, change=0, event=replace(place.event, kind=BifurcationKind.PITCHFORK))
     return [pitchfork if c is place else c for c in found if c is not fold]
+
+
+def _is_in_family(step: ContinuationStep) -> bool:
+    """Return whether orbits of a step fill a curve at one parameter value, as those beside them may as well."""
+    return bool(max(abs(place.tangent[-1]) for place in (step.begin, step.end)) <= _STILL)
 
 
 def _is_volume_preserving(multipliers: Complexes) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from .codimension_two import CodimensionTwo
 from .function_zeros import FunctionZero
 from .intervals import interval_between, limits_of
 from .kinds import BifurcationKind
+from .period_measures import OrbitFunction, Quantity, as_functions
 
 _STILL, _OPEN = (
     1e-13,
@@ -42,6 +43,7 @@ def continue_orbit(
     max_points: int = 1000,
     sizes: ArrayLike | None = None,
     progress: bool = False,
+    until: Mapping[str, Quantity | OrbitFunction] | None = None,
 ) -> Branch:
     """Continue a periodic orbit in a parameter, around folds, and detect its bifurcations.
 
@@ -77,6 +79,9 @@ def continue_orbit(
         equilibrium at 0 in unusual units.
     progress : bool, optional
         Show progress on a terminal.
+    until : mapping of str to OrbitFunction, optional
+        Functions by their names, as for :meth:`Branch.with_zeros`: the branch ends where one of them is zero, and
+        `ends` has its name.  A family of conservative orbits is followed up to an energy or an amplitude.
 
     Returns
     -------
@@ -114,6 +119,7 @@ def continue_orbit(
     for end in (low, high):
         exact.with_params(**{parameter: end})
     label = f"continuation in {parameter}" if progress else None
+    limits = as_functions(until, "until")
 
     def follow(span: float) -> Branch:
         problem = orbit_problem(exact, state, period, (parameter,), (span,), own)
@@ -122,7 +128,7 @@ def continue_orbit(
         divided = [n for n in DIVISIONS if ShootingProblem.can_divide(problem, n)]
         largest = LARGEST_GROWTH if divided else np.inf
         tracer = BranchTracer(
-            exact, parameter, problem, (low, high), longest, most, label, frozenset(), largest, sizes is not None
+            exact, parameter, problem, (low, high), longest, most, label, frozenset(), largest, own is not None, limits
         )
         start = tracer.clear_start(start)
         ahead = _in_segments(tracer, start, divided, own is not None)

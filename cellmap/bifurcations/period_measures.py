@@ -83,11 +83,13 @@ class OrbitFunction:
             raise TypeError(f"extremum={shown(self.extremum)}: give True or False")
 
 
-def as_functions(given: Mapping[str, Quantity | OrbitFunction] | None) -> dict[str, OrbitFunction]:
+def as_functions(
+    given: Mapping[str, Quantity | OrbitFunction] | None, argument: str = "functions"
+) -> dict[str, OrbitFunction]:
     """Return functions of orbits by their names; a quantity stands for itself at the first point."""
     given = {} if given is None else given
-    check_mapping("functions", given, "of names to functions of orbits, such as {'x': 0}")
-    return {label("functions", n): f if isinstance(f, OrbitFunction) else OrbitFunction(f) for n, f in given.items()}
+    check_mapping(argument, given, "of names to functions of orbits, such as {'x': 0}")
+    return {label(argument, n): f if isinstance(f, OrbitFunction) else OrbitFunction(f) for n, f in given.items()}
 
 
 def measured(

@@ -25,6 +25,8 @@ _NEAR = 1.5  # cell widths within which a linear step from a cell's centre has t
 _SEGMENTS = 16  # of a step of the map, where it can be divided
 _LARGE_GROWTH = 30.0  # of deviations in a period, from which orbits are looked for in segments as well,
 _FAR = 0.05  # and distance of a solution from its guess, in extents, from which they are too
+_STEPS, _FREE_STEPS = 30, 4  # across a family of orbits that fill a line, and those in which the residual may rise
+_ACROSS, _SINGULAR = 0.01, 1e-8  # singular value, relative, of the direction along it beside it, and on it
 _SAME = 1e-7  # distance of points of one orbit, relative to the resolution
 _BESIDE = 0.01  # distance from a known orbit, in the same units, from which a solution may be that orbit,
 _BLURRED = 10.0  # and errors of a solution within which it is: its residual is known in order of magnitude alone
@@ -37,7 +39,8 @@ def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> Pe
 
     Where deviations grow much in the period, the method is applied to the orbit in segments as well (multiple
     shooting), and the solution nearest to the guess counts; where they do not, but the method ends far from the guess,
-    a solution in segments counts if it is near.
+    a solution in segments counts if it is near.  Where orbits fill a line, as without damping, the one nearest to the
+    guess is found.
 
     Parameters
     ----------
@@ -72,6 +75,9 @@ def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> Pe
     rounds = whole_number("period", period, at_least=1)
     extent = _extent(point_map, np.ones(point_map.dimension) + np.abs(state))
     found = _from_guess(point_map.without_table, state, rounds, extent)
+    apart = np.abs(difference(found, state, point_map.coordinates))
+    if not (apart <= _FAR * np.minimum(extent, np.abs(state).max())).all(axis=-1).any():
+        found = np.concatenate([found, _of_a_family(point_map.without_table, state, rounds, extent)])
     if not len(found):
         raise ValueError(
             f"guess={state.tolist()}: no orbit of period {rounds} is found from there; give a guess nearer to one, or "
@@ -99,6 +105,26 @@ def _from_guess(exact: PointMap, state: Floats, rounds: int, extent: Floats) -> 
     # Deviations that grow little at the guess may grow much on an orbit beside it, but hardly on one that is far away.
     found &= not tame or _away(exact, firsts, state, extent) <= _FAR
     return np.concatenate([points[settled], firsts[found]])
+
+
+def _of_a_family(exact: PointMap, state: Floats, rounds: int, extent: Floats) -> Floats:
+    """Return the point (n, d) of a family of orbits nearest a guess, by steps across the family; (0, d) for none.
+
+    Beside a family the derivative is nearly singular, and Newton's steps slide along it, to where it ends.
+    """
+    d, point, last = exact.dimension, state.copy(), np.inf
+    for k in range(_STEPS):
+        image, slopes = tangent(exact, point, rounds)
+        residual = difference(image, point, exact.coordinates) / extent
+        matrix = (slopes - np.eye(d)) * extent / extent[:, None]
+        size = float(np.abs(residual).max())
+        if not (np.isfinite(matrix).all() and (k < _FREE_STEPS or size < 0.5 * last or size <= ROUNDING)):
+            break
+        if size <= ROUNDING:
+            sizes = np.linalg.svd(matrix, compute_uv=False)
+            return point[None] if sizes[-1] <= _SINGULAR * sizes[0] else np.empty((0, d))
+        point, last = point - extent * np.linalg.lstsq(matrix, residual, rcond=_ACROSS)[0], size
+    return np.empty((0, d))
 
 
 def _away(point_map: PointMap, points: Floats, guess: Floats, extent: Floats) -> Floats:

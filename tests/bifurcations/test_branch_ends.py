@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from cellmap import ForcedSystem, angle, continue_orbit, periodic_orbit, section_map
-from cellmap.bifurcations import BifurcationKind, Branch
+from cellmap.bifurcations import BifurcationKind, Branch, OrbitFunction, switch_branch
 
 
 def lure() -> Branch:
@@ -86,12 +86,13 @@ def test_the_backbone_of_the_undamped_duffing_oscillator() -> None:
     """The period of x'' = -x - x^3 with amplitude a is 4 K(m) / sqrt(1 + a^2), m = a^2 / (2 (1 + a^2))."""
     free = ForcedSystem(lambda t, x, p: (x[1], -x[0] - x[0] ** 3 + p.d * x[1]), {"d": 0.0}, 2.0, ("x", "v"))
     section = section_map(free, ("v", 0.0, -1), rtol=1e-11, atol=1e-11)
-    family = continue_orbit(section, periodic_orbit(section, [1.0]), "d", -0.1, 0.1, step=0.1, max_points=28)
+    until = {"top": lambda t, x, p: 0.5 * x[0] ** 2 + 0.25 * x[0] ** 4 + 0.5 * x[1] ** 2 - 2550.0}
+    family = continue_orbit(section, periodic_orbit(section, [1.0]), "d", -0.1, 0.1, step=0.1, until=until)
     assert family.is_family and family.bifurcations == ()
-    assert family.ends[1].startswith("the orbit shrinks to an equilibrium at d=") and family.ends[0] == "most points"
+    assert family.ends[1].startswith("the orbit shrinks to an equilibrium at d=") and family.ends[0] == "top"
     a = family.points[:, 0]
     periods = 4.0 * ellipk(a**2 / (2.0 * (1.0 + a**2))) / np.sqrt(1.0 + a**2)
-    assert a.min() < 0.01 and a.max() > 10.0
+    assert a.min() < 0.01 and abs(a[0] - 10.0) < 1e-13
     np.testing.assert_allclose(section.returns(family.points).times, periods, rtol=1e-9)
 
 
@@ -113,3 +114,44 @@ def test_a_nonlinear_normal_mode_is_a_family_with_a_branch_point() -> None:
             lambda t, x: rhs(t, x, pair.parameters), (0.0, time), start, "DOP853", rtol=1e-12, atol=1e-12
         ).y[:, -1]
         np.testing.assert_allclose(end, start, atol=1e-8)
+
+
+def test_three_oscillators_with_a_two_to_one_resonance() -> None:
+    """In-phase motion of equal oscillators x'' = -x - x^3 that springs couple is that of one, a cn(t, m).
+
+    Deviations in the mode of the frequency sqrt(1 + 4.5) obey Lame's equation y'' + (h - 6 m sn^2) y = 0 with
+    h = 1 + 4 m + 4.5 (1 - 2 m), m = a^2 / (2 (1 + a^2)), which has the period of the orbit at h = 4 + m and at
+    h = 2 (1 + m + sqrt(1 - m + m^2)) (Ince 1940): a = 1, and a^2 = sqrt(15 / 4) - 1.
+    """
+
+    def rhs(t, x, p):  # type: ignore[no-untyped-def]
+        left, right = 1.5 * (x[1] - x[0]), 1.5 * (x[2] - x[1])
+        pulls = (left, right - left, -right)
+        return *x[3:], *(-x[j] - x[j] ** 3 + pulls[j] + p.d * x[3 + j] for j in range(3))
+
+    names = ("x1", "x2", "x3", "v1", "v2", "v3")
+    section = section_map(ForcedSystem(rhs, {"d": 0.0}, 2.0, names), ("v1", 0.0, -1), rtol=1e-11, atol=1e-11)
+    mode = periodic_orbit(section, [0.95, 0.95, 0.95, 0.0, 0.0])
+    until = {"top": OrbitFunction("x1", "maximum", value=1.1), "bottom": OrbitFunction("x1", value=0.9)}
+    family = continue_orbit(section, mode, "d", -0.1, 0.1, step=0.02, until=until)
+    assert family.is_family and sorted(family.ends) == ["bottom", "top"]
+    assert np.ptp(family.points[[0, -1], 0]) == pytest.approx(0.2, abs=1e-12)
+    assert [b.kind for b in family.bifurcations] == 2 * [BifurcationKind.PITCHFORK]
+    found = sorted(b.point[:3].tolist() for b in family.bifurcations)
+    np.testing.assert_allclose(found, [3 * [sqrt(sqrt(3.75) - 1.0)], 3 * [1.0]], rtol=1e-10)
+    other = switch_branch(family, max(family.bifurcations, key=lambda b: b.point[0]), -0.1, 0.1, max_points=3)
+    assert other.is_family and abs(other.points[-1, 3]) > 0.01
+
+
+@pytest.mark.parametrize("guess", [[0.3, 0.3, 0.0], [0.3, -0.3, 0.0], [1.0, 1.5, 0.0], [0.01, 0.01, 0.0]])
+def test_an_orbit_of_a_family_is_found_beside_a_guess(guess: list[float]) -> None:
+    """The nonlinear normal modes of two oscillators; steps along the family lead to the equilibrium."""
+    system = ForcedSystem(
+        lambda t, x, p: (x[2], x[3], -2 * x[0] + x[1] - 0.5 * x[0] ** 3, -2 * x[1] + x[0]),
+        {},
+        2.0,
+        ("x", "y", "u", "v"),
+    )
+    section = section_map(system, ("u", 0.0, -1), rtol=1e-11, atol=1e-11)
+    (point,) = periodic_orbit(section, guess).points
+    assert np.abs(section(point) - point).max() < 1e-12 and np.abs(point - guess).max() < 0.15 * max(guess)

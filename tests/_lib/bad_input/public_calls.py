@@ -117,6 +117,7 @@ GIVEN: dict[str, Callable[[], Any]] = {
     "cells": lambda: (0.5, 1.5),
     "keys": lambda: np.array([1, 2]),
     "functions": lambda: {"x": cellmap.bifurcations.OrbitFunction(0, value=0.5)},
+    "until": lambda: {"x": cellmap.bifurcations.OrbitFunction(0, value=0.5)},
     "place": lambda: 1,
     "mask": lambda: np.arange(32) % 2 == 0,
     "before": lambda: 0,
