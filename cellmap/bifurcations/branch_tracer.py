@@ -62,6 +62,7 @@ class BranchTracer:
     largest_growth: float = np.inf
     keeps_units: bool = True
     until: Mapping[str, OrbitFunction] = field(default_factory=dict)
+    origin: SolutionPoint | None = None
 
     @property
     def detector(self) -> Detector:
@@ -124,7 +125,16 @@ class BranchTracer:
 
         box, problem = self._box, self.problem
         places, end = trace(
-            problem, start, box, self.longest, self.most, self.label, problem.growing, problem.circles, visit
+            problem,
+            start,
+            box,
+            self.longest,
+            self.most,
+            self.label,
+            problem.growing,
+            problem.circles,
+            visit,
+            self.origin,
         )
         if end == LOST and cycles is not None:
             end = cycles.end_of(places, fastest) or end
@@ -215,15 +225,20 @@ class BranchTracer:
             left = tracer.most - len(segment.places) + 1
             if segment.end != OUTGROWN or left < 1:
                 return pieces
-            old, last = tracer.problem, segment.places[-1]
-            problem = old.enlarged(tracer._grown(last) / FAR)
-            unknowns, along = (v * old.scale / problem.scale for v in (last.unknowns, last.tangent))
-            derivatives = problem(unknowns)[1]
-            tangent = tangent_of(derivatives, along)
-            if tangent is None:
+            last = segment.places[-1]
+            problem = tracer.problem.enlarged(tracer._grown(last) / FAR)
+            further = tracer._in_units_of(problem, last)
+            if further is None:
                 return pieces
-            start = SolutionPoint(unknowns, derivatives, tangent)
-            tracer = replace(tracer, problem=problem, most=left)
+            origin = tracer._in_units_of(problem, tracer.origin or start)
+            start, tracer = further, replace(tracer, problem=problem, most=left, origin=origin)
+
+    def _in_units_of(self, problem: OrbitProblem, place: SolutionPoint) -> SolutionPoint | None:
+        """Return a solution point in the units of a problem with the same equations; None where it has no tangent."""
+        unknowns, along = (v * self.problem.scale / problem.scale for v in (place.unknowns, place.tangent))
+        derivatives = problem(unknowns)[1]
+        tangent = tangent_of(derivatives, along)
+        return None if tangent is None else SolutionPoint(unknowns, derivatives, tangent)
 
     def clear_start(self, start: SolutionPoint) -> SolutionPoint:
         """Return a point beside the initial one if that is a bifurcation, so that it is passed; else itself."""

@@ -230,7 +230,9 @@ def _in_segments(tracer: BranchTracer, start: SolutionPoint, divided: Sequence[i
         begin = finer.resumed(old, last)
         if begin is None:
             break
-        pieces += finer.follow(begin)
+        # A closed branch comes back to where it began, in whatever units and segments.
+        origin = finer.resumed(old, tracer.origin or segment.places[0])
+        pieces += replace(finer, origin=origin).follow(begin)
     return pieces
 
 

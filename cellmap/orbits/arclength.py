@@ -293,8 +293,11 @@ def trace(
     growing: Bools | None = None,
     circles: Floats | None = None,
     visit: Visit = lambda step, may_refuse: None,
+    origin: SolutionPoint | None = None,
 ) -> tuple[list[SolutionPoint], str]:
     """Trace a curve from a solution point along its tangent; return its points and the reason why they end.
+
+    It is closed where it comes back to that point, or to the `origin` of a curve of which it is a further part.
 
     Steps are at most `longest`, and in proportion to the unknowns that are `growing`; the last one is cut at the edge
     of the box.  A curve whose step leads out of the box where no point of its edge is found, as where solutions are not
@@ -310,7 +313,8 @@ def trace(
         while step is not None:
             check_stop()
             part = step if box.holds(step.end) else box.cut(step)
-            closing = None if part is None or len(places) < 3 else part.until(start, turns)
+            closes = part is not None and (origin is not None or len(places) >= 3)
+            closing = part.until(start if origin is None else origin, turns) if part is not None and closes else None
             may_refuse = step.length > shortest
             part = part if closing is None else closing
             if part is None and not may_refuse:

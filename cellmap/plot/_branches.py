@@ -261,5 +261,7 @@ def _orbits(branch: Branch, values: Floats, states: Floats, points: int) -> Floa
 
 def _unwrapped(heights: Floats, axis: Coordinate) -> Floats:
     """Return curves (m, n) without the jumps of an angle: each point follows the one before on the shorter way."""
+    if not axis.is_angle:
+        return heights
     steps = difference(heights[:, 1:, None], heights[:, :-1, None], (axis,))[..., 0]
     return np.concatenate([heights[:, :1], heights[:, :1] + np.cumsum(steps, axis=1)], axis=1)

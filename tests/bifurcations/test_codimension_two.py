@@ -245,7 +245,7 @@ def test_a_map_with_parameters_in_its_state_is_specified_once() -> None:
     """Derivatives of a higher order are integrated by a method that is chosen once, not at each point."""
     swept = swept_map(stroboscopic_map(duffing_oscillator()), "frequency", "forcing").specified
     assert isinstance(swept, Swept)
-    assert swept._vectorised is swept._vectorised
+    assert swept.vectorised is swept.vectorised
 
 
 def test_points_without_another_curve_are_refused(henon: dict[BifurcationKind, BifurcationCurve]) -> None:

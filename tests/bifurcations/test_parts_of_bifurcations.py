@@ -21,7 +21,7 @@ from cellmap.bifurcations import (
     floquet_multipliers,
     switch_branch,
 )
-from cellmap.bifurcations.atlas_families import Attractors, families_of
+from cellmap.bifurcations.atlas_families import families_of
 from cellmap.bifurcations.circle_branches import _locked_rotation
 from cellmap.bifurcations.crossings import CrossingFunctions, Matrices
 from cellmap.bifurcations.orbit_grid import _links
@@ -190,16 +190,10 @@ def test_a_tongue_by_default_has_fine_steps():
         assert 0.005 < steps.max() <= 0.0201
 
 
-@pytest.mark.parametrize(("apart", "families"), [(0.29, 1), (0.31, 2)])
-def test_families_continue_from_cell_to_cell_over_small_distances(apart, families):
-    """Means over orbits that differ by less than 0.3 extents between neighbouring parameter points."""
-    centres = np.array([[0.0, 0.0], [apart, 0.0], [2 * apart, 0.0]])
-    ones = np.ones(3, np.int64)
-    found = Attractors(np.arange(3), 0 * ones, ones, 0 * ones[:, None], centres[:, :1], centres, 0.5 * ones, ones)
-    assert len(np.unique(families_of(found, (1, 3)))) == (1 if families == 1 else 3)
-    grid = replace(found, place=np.array([0, 2, 4]))  # one below the other
-    assert len(np.unique(families_of(grid, (3, 2)))) == (1 if families == 1 else 3)
-    assert len(np.unique(families_of(replace(found, period=np.array([1, 2, 1])), (1, 3)))) == 3
+def test_attractors_that_continue_each_other_are_one_family():
+    """The largest family comes first, of equal ones that of the first attractor; links go along both axes."""
+    links = np.array([[1, 3], [3, 4]]), np.array([[4], [5]])
+    assert families_of(7, links).tolist() == [1, 0, 2, 0, 0, 0, 3]
 
 
 def test_several_orbits_connect_a_saddle_with_itself():
