@@ -34,7 +34,7 @@ help:
 	@echo "make test-newest  fast tests with the newest packages, in an environment of their own"
 	@echo "make size         lines of code in each subpackage, largest functions, smallest modules"
 	@echo "make check        check-code, check-pins and check-site"
-	@echo "make check-code   format, lint, types, import contracts"
+	@echo "make check-code   format, lint, types, import contracts, budget of sizes"
 	@echo "make check-pins   whether all Pythons from $(OLDEST_PYTHON) to $(NEWEST_PYTHON) can install constraints.txt"
 	@echo "make check-site   documentation, without what the studies print, in a browser without a network"
 	@echo "make bench        speed against other programs, as ratios"
@@ -158,6 +158,7 @@ check-code: env
 	$(RUN) -m ruff check
 	$(RUN) -m mypy
 	$(VENV)/bin/lint-imports
+	$(RUN) tests/size/budget.py
 	$(RUN) -m check_jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 
 check-site: env-docs
