@@ -313,8 +313,9 @@ def trace(
         while step is not None:
             check_stop()
             part = step if box.holds(step.end) else box.cut(step)
-            closes = part is not None and (origin is not None or len(places) >= 3)
-            closing = part.until(start if origin is None else origin, turns) if part is not None and closes else None
+            closing = None
+            if part is not None and (origin is not None or len(places) >= 3):
+                closing = part.until(origin or start, turns)
             may_refuse = step.length > shortest
             part = part if closing is None else closing
             if part is None and not may_refuse:
