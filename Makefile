@@ -19,13 +19,14 @@ export PIP_CONSTRAINT := $(PINS)
 export PIP_BUILD_CONSTRAINT := $(PINS)
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-docs basins figures test test-all test-newest test-oldest test-aarch64 coverage dist mutants size check check-code check-pins check-site bench bench-history docs pins clean
+.PHONY: help env env-docs basins figures test test-thorough test-all test-newest test-oldest test-aarch64 coverage dist mutants size check check-code check-pins check-site bench bench-history docs pins clean
 
 help:
 	@echo "make basins       basins of the driven pendulum (figure 19), into studies/output/"
 	@echo "make figures      every study, into studies/output/"
-	@echo "make test         fast tests and the examples in docstrings"
-	@echo "make test-all     slow tests as well"
+	@echo "make test         fast tests, programs of the pages, examples in docstrings"
+	@echo "make test-thorough  campaigns, statistics of many seeds, slow witnesses, browsers"
+	@echo "make test-all     all tests, with those that take an hour"
 	@echo "make test-oldest  fast tests with the lowest versions that pyproject.toml promises, in another one"
 	@echo "make test-aarch64 compiles what the tests of ROOMS=tests/maps compile for AArch64 as well"
 	@echo "make coverage     lines that no test runs; of ROOMS=tests/maps alone"
@@ -83,9 +84,12 @@ figures: $(INSTALLED)video $(INSTALLED)lab
 
 # A process for each core, and whole files to each, so that what a file compiles is compiled once.  The processes share
 # the cores: threads of linear algebra would only get in each other's way.
-test test-all: export OPENBLAS_NUM_THREADS ?= 1
+test test-thorough test-all: export OPENBLAS_NUM_THREADS ?= 1
 test: env
 	$(RUN) -m pytest -n auto --dist loadfile
+
+test-thorough: env
+	$(RUN) -m pytest -n auto --dist loadfile -m thorough
 
 test-all: env
 	$(RUN) -m pytest -n auto --dist loadfile -m ""
