@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .._compiled.kernels import labelling
 from .._compiled.kernels.capture import LOOKED_AT, Covers, Regions, Sieve, ellipsoids_of
-from .._compiled.kernels.labelling import POOL, Limits, Outcome, Rows, Scratch
+from .._compiled.kernels.labelling import POOL, LabelledOrbits, Limits, PoolRows, Scratch
 from .._lib.arrays import Floats, Ints
 from .._lib.computed import computed_once
 from .._lib.stopping import Stop
@@ -277,7 +277,7 @@ def _labelled(
     step = UNKNOWN_STEP._replace(turn=catalogue.turn) if compiled is None else compiled.step
     n, d = orbits.points.shape
     work, past = orbits.work, replace(orbits.work)
-    outcome = Outcome(
+    outcome = LabelledOrbits(
         orbits.points,
         orbits.rotations,
         orbits.status,
@@ -296,7 +296,7 @@ def _labelled(
     limits = Limits(age, age + periods, stride, PERIODS_AT_ONCE)
     if rule is not None:
         _tell(rule, outcome, np.arange(n), orbits)
-    places = labelling.Work(pool, waiting, scratch, counts)
+    places = labelling.LabellingWorkspace(pool, waiting, scratch, counts)
     while True:
         reason = labelling.label(step, catalogue.regions, catalogue.sieve, catalogue.boxes, limits, outcome, places)
         if reason == labelling.FINISHED:
@@ -324,10 +324,10 @@ def _labelled(
     return Settled(labels, outcome.times, tally, orbits[left], stays), outcome.since, outcome.before
 
 
-def _rows(size: int, dimension: int) -> Rows:
+def _rows(size: int, dimension: int) -> PoolRows:
     whole = [np.empty(size, np.int64) for _ in range(3)]
     state = np.empty((size, dimension)), np.empty((size, dimension), np.int64), np.empty(size, np.uint8)
-    return Rows(*state, *whole)
+    return PoolRows(*state, *whole)
 
 
 def _scratch(dimension: int, rows: int = 0) -> Scratch:
@@ -335,12 +335,12 @@ def _scratch(dimension: int, rows: int = 0) -> Scratch:
     return Scratch(np.empty((2 * dimension, LOOKED_AT)), np.empty(LOOKED_AT), *whole)
 
 
-def _orbits(rows: Rows, count: int, like: Orbits) -> Orbits:
+def _orbits(rows: PoolRows, count: int, like: Orbits) -> Orbits:
     """Return rows as a batch of orbits, whose work counts as that of others."""
     return Orbits(rows.points[:count], rows.rotations[:count], rows.status[:count], like.work)
 
 
-def _tell(rule: Rule, outcome: Outcome, members: Ints, orbits: Orbits) -> None:
+def _tell(rule: Rule, outcome: LabelledOrbits, members: Ints, orbits: Orbits) -> None:
     """Write which orbits are in a final state by a rule, which sees those that have a point."""
     alive = np.flatnonzero(orbits.alive)
     outcome.told[members[alive]] = rule(orbits.points[alive])

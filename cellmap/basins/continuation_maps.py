@@ -11,7 +11,7 @@ from ..maps.interpolation.over_parameter import FEWEST, ParameterTable, tables_o
 from ..maps.point_map import PointMap
 
 
-class Window(NamedTuple):
+class TabulatedRange(NamedTuple):
     """Tables over a parameter, and the numbers of the values for which they are: `low` to before `high`."""
 
     table: ParameterTable
@@ -33,7 +33,7 @@ class MapsOverValues:
         exact = point_map.without_table.specified
         # A value that the system refuses is told before anything is computed.
         self._exact = [exact.with_params({**point_map.params, parameter: float(value)}) for value in values]
-        self._now: Window | None = None
+        self._now: TabulatedRange | None = None
         self._refused: set[tuple[int, int]] = set()
         self._alone: set[int] = set()
 
@@ -47,7 +47,7 @@ class MapsOverValues:
             self._alone.add(number)
         return replace(self._spec, exact=exact, table=None).build() if isinstance(self._spec, Interpolated) else exact
 
-    def window(self, number: int) -> Window | None:
+    def window(self, number: int) -> TabulatedRange | None:
         """Return the tables that serve at the value with this number, None where it has one of its own."""
         if number in self._alone:
             return None
@@ -59,7 +59,7 @@ class MapsOverValues:
             if (low, high) not in self._refused:
                 table = tables_over(self._spec, self._parameter, self.interval(low, high), high - low)
                 if table is not None:
-                    self._now = Window(table, low, high)
+                    self._now = TabulatedRange(table, low, high)
                     return self._now
                 self._refused.add((low, high))
             middle = (low + high) // 2

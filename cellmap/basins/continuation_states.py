@@ -19,7 +19,7 @@ from ..maps.interpolation.over_parameter import CHECKED, Chebyshev, ParameterTab
 from ..maps.orbit_batch import NOTHING, Orbits, Status, Tally
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
-from .continuation_maps import MapsOverValues, Window
+from .continuation_maps import MapsOverValues, TabulatedRange
 from .initial_conditions import InitialConditions
 
 AUDITED = 64
@@ -92,7 +92,7 @@ class _Nodes:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class InterpolationPlan:
     """How states are interpolated for values of a parameter: for so many at a time, so many periods ahead."""
 
     values: int
@@ -102,7 +102,7 @@ class Plan:
 
 def plan_of(
     table: ParameterTable, values: Floats, initial_conditions: InitialConditions, attractors: Sequence[Attractor]
-) -> Plan | None:
+) -> InterpolationPlan | None:
     """Choose how states are interpolated from what a sample costs, None where it is not worthwhile.
 
     ``attractors`` are those at the first of the values.
@@ -126,13 +126,13 @@ def plan_of(
             made = (_NODES + len(CHECKED)) * end / number
             looked_up = float(np.maximum(lasts - ahead, 0).mean()) + _OVERHEAD + made
             if looked_up < least:
-                best, least = Plan(number, tuple(p for p in PERIODS if p <= end), nodes), looked_up
+                best, least = InterpolationPlan(number, tuple(p for p in PERIODS if p <= end), nodes), looked_up
         number = -(-number // 2)
     return best
 
 
 def states_over(
-    table: ParameterTable, interval: tuple[float, float], initial_conditions: InitialConditions, plan: Plan
+    table: ParameterTable, interval: tuple[float, float], initial_conditions: InitialConditions, plan: InterpolationPlan
 ) -> StatesOverParameter:
     """Return states of all initial conditions over an interval of the parameter."""
     known = (plan.nodes.nodes.low, plan.nodes.nodes.high) == interval
@@ -178,7 +178,7 @@ class LabelsOverValues:
 
     def __init__(self, maps: MapsOverValues, values: Floats, initial_conditions: InitialConditions) -> None:
         self._maps, self._values, self._places = maps, values, initial_conditions
-        self._plans: dict[int, Plan | None] = {}
+        self._plans: dict[int, InterpolationPlan | None] = {}
         self._states: tuple[int, StatesOverParameter | None] = -1, None
 
     def at(
@@ -207,7 +207,7 @@ class LabelsOverValues:
             None if states is None else labels_from(states, value, number, point_map, self._places, attractors, limit)
         )
 
-    def _states_at(self, number: int, window: Window) -> StatesOverParameter | None:
+    def _states_at(self, number: int, window: TabulatedRange) -> StatesOverParameter | None:
         plan = self._plans[window.low]
         if plan is None:
             return None

@@ -36,7 +36,7 @@ from .initial_conditions import InitialConditions, Rows
 from .label_store import HELD, InMemory, LabelStore, basins_memory
 from .record import Basins
 from .strides import StridedTile
-from .sweeps import Batch, Labelling, Progress
+from .sweeps import Batch, LabellingTask, Progress
 
 _SAMPLE = 1024  # initial conditions of the first search for attractors
 _IN_A_TILE = 8192, 65536  # least and most, where a tile has neither to travel nor to be sealed
@@ -299,7 +299,7 @@ class Run:
         """Yield what becomes of tiles as they are completed."""
         stop = self.stop if self.client is None else None
         until = now.restart_times, now.time_limit, now.time_limit >= self.max_periods
-        work = Labelling(self.point_map, self.initial_conditions, now.attractors, *until, stop)
+        work = LabellingTask(self.point_map, self.initial_conditions, now.attractors, *until, stop)
         bar = f"basins of {self.point_map.name}" if self.progress else None
         return completed(tiles, batch, work, self.client, bar)
 

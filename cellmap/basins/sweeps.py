@@ -68,7 +68,7 @@ class Batch:
 
 
 @dataclass(frozen=True, eq=False)
-class Labelling:
+class LabellingTask:
     """Labels of initial conditions after `time_limit` periods.
 
     ``restart_times``: periods after which the orbits of a tile were examined before and went on; where their states are

@@ -30,7 +30,7 @@ from .atlas_curves import borders_of, curves_at
 from .atlas_families import AtlasKind, Attractors, families_of
 from .atlas_neighbours import links_between, spread
 from .atlas_record import AttractorAtlas, AttractorFamily
-from .coexistence import Explorer
+from .coexistence import AttractorSearch
 from .intervals import axis_of
 
 _ORBITS = 65536  # in a tile
@@ -137,7 +137,7 @@ def attractor_atlas(
     claim_memory(f"an atlas of {shape[1]} x {shape[0]}", 8 * across.size * up.size * 40, "give fewer values")
     values = np.stack(np.broadcast_arrays(across, up[:, None]), axis=-1).reshape(-1, 2)
     swept = swept_map(exact, first, second)
-    job = Explorer(swept, states, _extent(swept, states, values), periods, longest)
+    job = AttractorSearch(swept, states, _extent(swept, states, values), periods, longest)
     tile = max(1, _ORBITS // len(states))
     label = f"atlas of {exact.name}" if progress else None
     numbers = range(-(-len(values) // tile))

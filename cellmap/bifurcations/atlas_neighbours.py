@@ -8,14 +8,14 @@ from .._lib.arrays import Bools, Floats, Ints
 from .._lib.stopping import check_stop
 from .._lib.threads import progress_bar, run_over, slices
 from .atlas_families import Attractors, Directory
-from .coexistence import SAME_MEAN, Explorer
+from .coexistence import SAME_MEAN, AttractorSearch
 
 _SLICE = 256
 _KNOWN = 0.1  # distance of means over orbits, in extents or radians, within which a neighbour needs no search
 
 
 def spread(
-    job: Explorer, values: Floats, shape: tuple[int, int], found: Attractors, progress: str | None
+    job: AttractorSearch, values: Floats, shape: tuple[int, int], found: Attractors, progress: str | None
 ) -> Attractors:
     """Return the attractors with those, counted 0 times, to which periodic ones of neighbouring points lead.
 
@@ -40,7 +40,7 @@ def spread(
     return found
 
 
-def _led(job: Explorer, values: Floats, found: Attractors, source: Ints, there: Ints) -> tuple[Attractors, Ints]:
+def _led(job: AttractorSearch, values: Floats, found: Attractors, source: Ints, there: Ints) -> tuple[Attractors, Ints]:
     """Return the periodic attractors to which others lead at places ``there``, and which others those are."""
     parts: dict[int, tuple[Attractors, Ints]] = {}
 
@@ -69,7 +69,7 @@ def _neighbours(found: Attractors, directory: Directory, front: Ints, shape: tup
     return source[new], there[new]
 
 
-def links_between(job: Explorer, values: Floats, shape: tuple[int, int], found: Attractors) -> tuple[Ints, Ints]:
+def links_between(job: AttractorSearch, values: Floats, shape: tuple[int, int], found: Attractors) -> tuple[Ints, Ints]:
     """Return, for both axes of the grid, pairs (2, n) of attractors that continue each other from a point to the next.
 
     Attractors of neighbouring points continue each other if they have kind, period and full rotations in common, and
@@ -96,7 +96,7 @@ def links_between(job: Explorer, values: Floats, shape: tuple[int, int], found: 
 
 
 def _ends(
-    job: Explorer, values: Floats, found: Attractors, directory: Directory, free: Bools, others: Bools, step: int
+    job: AttractorSearch, values: Floats, found: Attractors, directory: Directory, free: Bools, others: Bools, step: int
 ) -> Ints:
     """Return to which of some attractors others that are free lead a step further on (n,); -1 for none."""
     keys = found.place * directory.width + directory.species

@@ -12,7 +12,7 @@ from ..maps.compiled_advance import recorded
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
-from ..orbits.ellipsoids import Regions, monodromy_of, regions_around
+from ..orbits.ellipsoids import ParameterRegions, monodromy_of, regions_around
 from ..orbits.invariant_circle import bump, signals_of
 from ..orbits.lyapunov_qr import exponents_along
 from ..orbits.newton import followed, least_periods, newton, return_distances
@@ -40,7 +40,7 @@ _STEADY = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Explorer:
+class AttractorSearch:
     """Search for the attractors of parameter points: a pure function of these."""
 
     swept: PointMap
@@ -51,7 +51,7 @@ class Explorer:
 
     def __call__(self, values: Floats) -> tuple[Attractors, Ints, Ints]:
         """Return attractors at parameter points (n, 2), and the numbers (n,) of escaped and undecided orbits."""
-        return _Search(self, values).run()
+        return _SearchState(self, values).run()
 
     def continued(self, attractors: Attractors, start: Floats, end: Floats, place: Ints) -> tuple[Attractors, Ints]:
         """Return the periodic attractors at parameter points (n, 2) to which others lead, and the rows of these.
@@ -73,15 +73,15 @@ class Explorer:
 
 
 @dataclass(eq=False)
-class _Search:
+class _SearchState:
     """State of a search: orbits that have not converged, attractors with their regions, and counts."""
 
-    job: Explorer
+    job: AttractorSearch
     values: Floats
     orbits: Orbits = field(init=False)
     place: Ints = field(init=False)
     found: Attractors = field(init=False)
-    regions: Regions = field(init=False)
+    regions: ParameterRegions = field(init=False)
     looks: int = 0
 
     def __post_init__(self) -> None:
@@ -89,7 +89,7 @@ class _Search:
         self.place = np.repeat(np.arange(len(self.values)), n)
         states = np.column_stack([np.tile(self.job.initial_conditions, (len(self.values), 1)), self.values[self.place]])
         self.orbits = Orbits.starting(wrap(states, self.job.swept.coordinates))
-        self.found, self.regions = Attractors.empty(d), Regions.empty(d)
+        self.found, self.regions = Attractors.empty(d), ParameterRegions.empty(d)
         self.escaped = np.zeros(len(self.values), np.int64)
 
     @property
@@ -161,7 +161,7 @@ class _Search:
         self.found = Attractors.joined(self.found, fresh)
         return True
 
-    def _attractors(self, states: Floats, place: Ints) -> tuple[Attractors, Regions]:
+    def _attractors(self, states: Floats, place: Ints) -> tuple[Attractors, ParameterRegions]:
         """Return the attracting periodic orbits beside states (n, d + 2) that are not known, with their regions."""
         job, d = self.job, self.dimension
         apart = return_distances(job.swept, states, job.longest_period, job.extent)
@@ -172,7 +172,7 @@ class _Search:
         rows = np.flatnonzero(unknown)
         rows = rows[~self._known(fresh[rows])]
         if not len(rows):
-            return Attractors.empty(d), Regions.empty(d)
+            return Attractors.empty(d), ParameterRegions.empty(d)
         fresh = fresh[rows]
         regions = regions_around(job.swept, orbit[rows], matrices[rows], fresh.period, fresh.place, job.extent)
         held = np.flatnonzero(regions.has_any(len(rows)))
@@ -247,7 +247,7 @@ class _Search:
 
 
 def periodic_attractors(
-    job: Explorer, states: Floats, place: Ints, period: Ints
+    job: AttractorSearch, states: Floats, place: Ints, period: Ints
 ) -> tuple[Attractors, Ints, Floats, Floats]:
     """Return the stable periodic orbits beside states (n, d + 2), the rows of their states, orbits and derivatives."""
     d = len(job.extent)
@@ -266,7 +266,7 @@ def periodic_attractors(
     return found, rows, orbit, matrices
 
 
-def _centres(job: Explorer, orbit: Floats, period: Ints) -> Floats:
+def _centres(job: AttractorSearch, orbit: Floats, period: Ints) -> Floats:
     """Return means (n, 2 d) over orbits, which do not depend on their phase: of states, or of cosines and sines."""
     d = len(job.extent)
     states, turn = orbit[..., :d], turns_of(job.swept.coordinates)[1][:d]

@@ -111,7 +111,7 @@ class CrossingFunctions:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class CriticalValues:
     """Critical values on lines of a scan, sorted by line and value; all arrays of shape (n,)."""
 
     lines: Ints
@@ -123,7 +123,7 @@ class Found:
 
 def crossings_on_lines(
     tests: CrossingFunctions, others: Floats, place: int, scan: Floats, seen: Seen, every: bool, progress: str | None
-) -> Found:
+) -> CriticalValues:
     """Refine the critical values on all lines of a scan together.
 
     `others` (lines, m - 1) are the parameters that are constant on a line, `place` is that of the scanned one among
@@ -190,7 +190,7 @@ def crossings_on_lines(
     below, above = _beside(at, line, roots, scan)
     kept = (below != above) if every else ((below > 0) != (above > 0))
     kept &= (below >= 0) & (above >= 0)
-    return Found(line[kept], roots[kept], which[kept], below[kept], above[kept])
+    return CriticalValues(line[kept], roots[kept], which[kept], below[kept], above[kept])
 
 
 def _cells(scan: Floats, values: Floats) -> Ints:

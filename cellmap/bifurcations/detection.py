@@ -15,7 +15,7 @@ from ..orbits.multipliers import MARGIN, factors_beside, pair_on_circle, product
 from ..orbits.orbit_equations import OrbitProblem
 from .branch import Bifurcation
 from .kinds import BifurcationKind
-from .singular_orbits import crossing
+from .singular_orbits import branch_point
 
 _REAL = 1e-6  # imaginary part of multipliers that are taken for real where two of them meet
 _VERTICAL = 1e-4  # parameter component of the tangent of the branch that a pitchfork gives birth to
@@ -251,7 +251,7 @@ class Detector:
         problem, d = self.problem, self.problem.dimension
         unknowns, along, branch_direction = place.unknowns, place.tangent, None
         if kind is BifurcationKind.PITCHFORK:
-            meeting = crossing(problem, unknowns, step.begin.tangent)
+            meeting = branch_point(problem, unknowns, step.begin.tangent)
             if meeting is None:
                 kind = BifurcationKind.DEGENERATE
             else:

@@ -130,7 +130,7 @@ def zeros_on(
     found: list[tuple[int, float, FunctionZero]] = []
     check_mapping("functions", functions, "of names to functions, such as {'x': 0}")
     for name, function in as_functions(functions).items():
-        searches = [_Search(piece, names, function) for piece in pieces]
+        searches = [_ZeroSearch(piece, names, function) for piece in pieces]
         searches = [replace(s, own=s.value(s.piece.unknowns)) for s in searches]
         known = [s for s in searches if np.isfinite(s.own).any()]
         if not known:
@@ -167,7 +167,7 @@ def zeros_on(
 
 
 @dataclass(frozen=True, eq=False)
-class _Search:
+class _ZeroSearch:
     """Search for zeros, or extreme values, of a function on a piece of a branch, with its values (n,) there."""
 
     piece: BranchPiece

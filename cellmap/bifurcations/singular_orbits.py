@@ -165,7 +165,7 @@ def _bent(problem: Problem, unknowns: Vectors, left: Vectors, directions: Floats
 
 
 @dataclass(frozen=True, eq=False)
-class Crossing:
+class BranchPoint:
     """Branch point: the unknowns (n + 1,) and the unit tangents of the known curve and of the other."""
 
     unknowns: Vectors
@@ -173,7 +173,7 @@ class Crossing:
     branch_direction: Vectors
 
 
-def crossing(problem: Problem, guess: Vectors, along: Vectors) -> Crossing | None:
+def branch_point(problem: Problem, guess: Vectors, along: Vectors) -> BranchPoint | None:
     """Return the branch point near a guess, where the derivatives (n, n + 1) are rank-deficient, and both tangents.
 
     None where the derivatives are not known around it.
@@ -188,12 +188,12 @@ def crossing(problem: Problem, guess: Vectors, along: Vectors) -> Crossing | Non
     Bifurcation Problems* (1987), section 5.
     """
     try:
-        return _crossing(problem, guess, along)
+        return _branch_point(problem, guess, along)
     except np.linalg.LinAlgError:
         return None
 
 
-def _crossing(problem: Problem, guess: Vectors, along: Vectors) -> Crossing:
+def _branch_point(problem: Problem, guess: Vectors, along: Vectors) -> BranchPoint:
     unknowns, unfolding = guess.copy(), 0.0
     left, _, right = np.linalg.svd(_finite(problem(unknowns)[1]))
     b, plane = left[:, -1], right[-2:]
@@ -224,7 +224,7 @@ def _crossing(problem: Problem, guess: Vectors, along: Vectors) -> Crossing:
         if abs(other @ along) * np.linalg.norm(known) > abs(known @ along) * np.linalg.norm(other):
             known, other = other, known
     known *= np.copysign(1.0, known @ along) / np.linalg.norm(known)
-    return Crossing(unknowns, known, other / np.linalg.norm(other))
+    return BranchPoint(unknowns, known, other / np.linalg.norm(other))
 
 
 def _finite(values: Floats) -> Floats:

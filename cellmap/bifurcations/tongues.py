@@ -151,7 +151,7 @@ def arnold_tongue(
     state = state_points("initial_condition", initial_condition, exact.coordinates)
     if state.ndim != 1:
         raise ValueError(f"initial_condition has shape {state.shape}: give one state")
-    numbers = _Numbers(
+    numbers = _RotationNumbers(
         exact, one, state, whole_number("transient", transient), whole_number("periods", periods, at_least=64)
     )
     inside, width = numbers.enclosed(p / q, low, high)
@@ -186,7 +186,7 @@ def _borders(
 
 
 @dataclass(frozen=True, eq=False)
-class _Numbers:
+class _RotationNumbers:
     """Rotation numbers for values of one parameter, in SIMD lanes."""
 
     exact: PointMap

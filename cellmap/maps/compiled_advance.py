@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._compiled.codegen.period import CompiledPeriod
-from .._compiled.kernels.labelling import DISCRETE, FLOW, NOT_COMPILED, Step, record
-from .._compiled.kernels.periods import Discrete, iterate
+from .._compiled.kernels.labelling import DISCRETE, FLOW, NOT_COMPILED, PeriodStep, record
+from .._compiled.kernels.periods import CompiledMap, iterate
 from .._lib.arrays import Floats, Ints
 from .._lib.computed import computed_once
 from .._lib.stopping import check_stop
@@ -20,7 +20,7 @@ from .orbit_batch import Orbits, portions
 
 _COSTLY = 256  # times the orbits that make a portion: a search can be stopped after fewer periods of one orbit
 
-UNKNOWN_STEP = Step()
+UNKNOWN_STEP = PeriodStep()
 """That of a map of which nothing is known but the function that it is."""
 
 
@@ -29,7 +29,7 @@ class CompiledAdvance(ABC):
 
     @property
     @abstractmethod
-    def step(self) -> Step:
+    def step(self) -> PeriodStep:
         """What these loops call."""
 
     @property
@@ -55,7 +55,7 @@ class FlowAdvance(CompiledAdvance):
     turn: Floats
 
     @property
-    def step(self) -> Step:
+    def step(self) -> PeriodStep:
         """Steps of the integrator."""
         return UNKNOWN_STEP._replace(kind=FLOW, motion=self.motion.numbers, lower=self.lower, turn=self.turn)
 
@@ -87,12 +87,12 @@ class DiscreteAdvance(CompiledAdvance):
     turn: Floats
 
     @computed_once
-    def function(self) -> Discrete:
+    def function(self) -> CompiledMap:
         """The compiled function, with its parameters."""
-        return Discrete(self.kernel.address, self.kernel.context, self.parameters, self.bound)
+        return CompiledMap(self.kernel.address, self.kernel.context, self.parameters, self.bound)
 
     @property
-    def step(self) -> Step:
+    def step(self) -> PeriodStep:
         """Applications of the compiled function."""
         return UNKNOWN_STEP._replace(kind=DISCRETE, discrete=self.function, lower=self.lower, turn=self.turn)
 

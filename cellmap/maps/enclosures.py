@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._compiled.codegen.enclosures import Rows
+from .._compiled.codegen.enclosures import BoxLayout
 from .._compiled.codegen.expression import UntraceableError
 from .._lib.arrays import Bools, Floats
 from .._lib.checks import finite_number, known_parameter, pair_of, real_array, shown
@@ -51,7 +51,7 @@ class MeanValueForms:
     proved: Bools
 
     @classmethod
-    def of(cls, rows: Rows, found: Floats) -> MeanValueForms:
+    def of(cls, rows: BoxLayout, found: Floats) -> MeanValueForms:
         """Return the forms in the rows of a kernel (n, rows), of which some are not known."""
         n, d = len(found), rows.d
         proved = np.asarray(np.isfinite(found[:, : rows.remainder]).all(axis=1))

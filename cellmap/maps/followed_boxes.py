@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .._compiled.codegen.enclosures import CompiledEnclosure, Rows
+from .._compiled.codegen.enclosures import BoxLayout, CompiledEnclosure
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.stopping import check_stop
 from .._lib.threads import run_over, slices
@@ -41,7 +41,7 @@ class FollowedBoxes:
     kernel : CompiledEnclosure
         What encloses a period.
     rows : ndarray, shape (n, rows)
-        What is known of the images of the boxes, as its :class:`Rows` say; not finite where there is no enclosure.
+        What is known of the images of the boxes, as its :class:`BoxLayout` say; not finite where there is no enclosure.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class FollowedBoxes:
         self.rows = self.rows[some]
 
 
-def started(rows: Rows, centres: Floats, half_widths: Floats) -> Floats:
+def started(rows: BoxLayout, centres: Floats, half_widths: Floats) -> Floats:
     """Return what is known of boxes at the beginning, shape (n, rows)."""
     found = np.zeros((len(centres), rows.count))
     found[:, rows.images], found[:, rows.half_widths] = centres, np.where(half_widths >= 0.0, half_widths, np.nan)

@@ -129,7 +129,7 @@ def extra_turns(point_map: PointMap, about: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class LiftedMap:
     """One step of a map on the plane that covers its circles: angles are unwrapped, and neighbours stay neighbours.
 
     ``mapping``: the map; ``extra``: see :func:`extra_turns`.
@@ -164,7 +164,7 @@ class Step:
         return np.asarray(rotations + rotations @ self.extra.T)
 
 
-def preimages(step: Step, targets: Floats, guesses: Floats) -> tuple[Floats, Floats, Bools]:
+def preimages(step: LiftedMap, targets: Floats, guesses: Floats) -> tuple[Floats, Floats, Bools]:
     """Solve P(x) = target, with unwrapped angles, by a damped Newton method.
 
     Returns preimages (n, d), the derivatives there (n, d, d), and which of them converged.
@@ -199,7 +199,7 @@ def preimages(step: Step, targets: Floats, guesses: Floats) -> tuple[Floats, Flo
     return points, matrices, settled
 
 
-def preimages_along(step: Step, targets: Floats, first: Floats, known: tuple[Floats, Floats]) -> Floats:
+def preimages_along(step: LiftedMap, targets: Floats, first: Floats, known: tuple[Floats, Floats]) -> Floats:
     """Return preimages (n, d) of the points of a curve that form a curve themselves, given a guess for the first.
 
     Of several preimages it takes the one that the derivative foresees from the neighbour before.  Behind a gap, rows of
@@ -223,7 +223,7 @@ def preimages_along(step: Step, targets: Floats, first: Floats, known: tuple[Flo
     return found
 
 
-def _follow(step: Step, targets: Floats, first: Floats, found: Floats) -> int:
+def _follow(step: LiftedMap, targets: Floats, first: Floats, found: Floats) -> int:
     """Fill in preimages of the points of a curve as far as they are found; return how many."""
     points, matrices, settled = preimages(step, targets[:1], first[None])
     if not settled[0]:
@@ -249,7 +249,7 @@ def _follow(step: Step, targets: Floats, first: Floats, found: Floats) -> int:
     return k + 1
 
 
-def _advance(step: Step, at: Floats, place: Floats, matrix: Floats, targets: Floats) -> tuple[Floats, Floats]:
+def _advance(step: LiftedMap, at: Floats, place: Floats, matrix: Floats, targets: Floats) -> tuple[Floats, Floats]:
     """Return preimages of the first targets, as many as come out where the derivative foresees them."""
     foreseen = np.linalg.solve(matrix, (targets - at).T).T
     points, matrices, settled = preimages(step, targets, place + foreseen)
@@ -259,7 +259,7 @@ def _advance(step: Step, at: Floats, place: Floats, matrix: Floats, targets: Flo
     return points[:count], matrices[count - 1] if count else matrix
 
 
-def _bridge(step: Step, at: Floats, place: Floats, matrix: Floats, target: Floats) -> tuple[Floats, Floats] | None:
+def _bridge(step: LiftedMap, at: Floats, place: Floats, matrix: Floats, target: Floats) -> tuple[Floats, Floats] | None:
     """Reach the preimage of the next target by shorter steps along the segment between the two."""
     done, fraction = 0.0, 0.5
     now = at

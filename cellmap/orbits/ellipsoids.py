@@ -115,7 +115,7 @@ def directions(dimension: int, around: int, beyond: int) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Regions:
+class ParameterRegions:
     """Ellipsoids, one a row, sorted by parameter point: ``(x - centre) @ metric @ (x - centre) <= 1``."""
 
     place: Ints
@@ -125,29 +125,29 @@ class Regions:
     first: Ints
 
     @classmethod
-    def empty(cls, d: int) -> Regions:
+    def empty(cls, d: int) -> ParameterRegions:
         """Return no rows."""
         whole = np.empty(0, np.int64)
         return cls(whole, whole, np.empty((0, d)), np.empty((0, d, d)), whole)
 
-    def with_more(self, more: Regions, owners: int, places: int) -> Regions:
+    def with_more(self, more: ParameterRegions, owners: int, places: int) -> ParameterRegions:
         """Add rows, whose owners are counted from a number on."""
         place = np.concatenate([self.place, more.place])
         order = np.argsort(place, kind="stable")
         owner = np.concatenate([self.owner, more.owner + owners])
         centre, metric = (np.concatenate([a, b]) for a, b in ((self.centre, more.centre), (self.metric, more.metric)))
         first = np.searchsorted(place[order], np.arange(places + 1))
-        return Regions(place[order], owner[order], centre[order], metric[order], first)
+        return ParameterRegions(place[order], owner[order], centre[order], metric[order], first)
 
     def has_any(self, owners: int) -> Bools:
         """Return which owners have an ellipsoid."""
         return np.bincount(self.owner, minlength=owners) > 0
 
-    def renumbered(self, kept: Ints, owners: int) -> Regions:
+    def renumbered(self, kept: Ints, owners: int) -> ParameterRegions:
         """Return the regions with the numbers that their owners have among those that are kept."""
         number = np.full(owners, -1)
         number[kept] = np.arange(len(kept))
-        return Regions(self.place, number[self.owner], self.centre, self.metric, self.first)
+        return ParameterRegions(self.place, number[self.owner], self.centre, self.metric, self.first)
 
     def owners(self, points: Floats, place: Ints, coordinates: Sequence[Coordinate]) -> Ints:
         """Return the owner of the first ellipsoid that holds each point (n, d) of a parameter point; -1 for none."""
@@ -168,7 +168,7 @@ class Regions:
 
 def regions_around(
     swept: PointMap, orbit: Floats, matrices: Floats, period: Ints, place: Ints, extent: Floats
-) -> Regions:
+) -> ParameterRegions:
     """Return ellipsoids around all points of attracting periodic orbits, each as large as it is seen to contract.
 
     ``orbit`` (n, most, d + 2) are their points, ``matrices`` (n, most, d, d) the derivatives of the steps.  From a
@@ -202,7 +202,7 @@ def regions_around(
             break
     kept = np.flatnonzero(radius > 0.0)
     radii = radius[kept, None, None]
-    return Regions(place[owner[kept]], owner[kept], centre[kept, :d], within[kept] / radii**2, kept)
+    return ParameterRegions(place[owner[kept]], owner[kept], centre[kept, :d], within[kept] / radii**2, kept)
 
 
 def monodromy_of(matrices: Floats, period: Ints, rows: Ints, phase: int | Ints = 0) -> Floats:

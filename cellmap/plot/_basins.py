@@ -21,7 +21,7 @@ from ..orbits.attractor import Kind
 from ._axes import axes_or_new, label_axis, legend_below, name_axes, pair_of, plane_of, short_name, show_cells, symbol
 from ._colours import label_colours
 from ._draw import figure
-from ._reduced import Reduction, reduction_of
+from ._reduced import SymmetryReduction, reduction_of
 
 
 @figure
@@ -125,7 +125,11 @@ def _coordinates_of_axes(basins: Basins | FeatureBasins, plane: tuple[int | str,
 
 
 def _show_points(
-    ax: Axes, basins: Basins | FeatureBasins, palette: Mapping[int, Any], wide: list[int], reduced: Reduction | None
+    ax: Axes,
+    basins: Basins | FeatureBasins,
+    palette: Mapping[int, Any],
+    wide: list[int],
+    reduced: SymmetryReduction | None,
 ) -> None:
     """Draw initial conditions as points."""
     points = np.asarray(basins.initial_conditions).reshape(-1, len(basins.coordinates))
@@ -160,7 +164,9 @@ def painted(basins: Basins | FeatureBasins, palette: Mapping[int, Any], shade: b
     return image
 
 
-def _mark_attractors(ax: Axes, basins: Basins | FeatureBasins, wide: list[int], reduced: Reduction | None) -> None:
+def _mark_attractors(
+    ax: Axes, basins: Basins | FeatureBasins, wide: list[int], reduced: SymmetryReduction | None
+) -> None:
     """Draw the points of attractors that lie in the window; a chaotic, quasi-periodic or unknown one as a cloud."""
     if isinstance(basins, FeatureBasins):
         for points in basins.representatives:

@@ -20,7 +20,7 @@ from ._axes import column_of
 
 
 @dataclass(frozen=True, eq=False)
-class Reduction:
+class SymmetryReduction:
     """Shifts along ``directions`` (k, d), each of which is 1 at one coordinate of reference and 0 at the others."""
 
     references: Sequence[int]
@@ -45,7 +45,7 @@ class Reduction:
         )
 
 
-def reduction_of(basins: Any, reference: int | str | Sequence[int | str]) -> Reduction:
+def reduction_of(basins: Any, reference: int | str | Sequence[int | str]) -> SymmetryReduction:
     """Return the shifts of the symmetry that the attractors of basins have, by coordinates of reference."""
     known = [a.symmetry for a in basins.attractors if a.symmetry is not None] if isinstance(basins, Basins) else []
     if not known:
@@ -63,4 +63,4 @@ def reduction_of(basins: Any, reference: int | str | Sequence[int | str]) -> Red
     directions = np.linalg.solve(chosen, known[0])
     nearest = np.round(directions)
     whole = np.abs(directions - nearest) < 1e-9
-    return Reduction(references, np.asarray(np.where(whole, nearest, directions), float), basins.coordinates)
+    return SymmetryReduction(references, np.asarray(np.where(whole, nearest, directions), float), basins.coordinates)

@@ -35,7 +35,7 @@ from cellmap.basins import refine_basins
 from cellmap.basins.initial_conditions import InitialConditions
 from cellmap.basins.refining import refinement
 from cellmap.basins.strides import strided_tiles
-from cellmap.basins.sweeps import Batch, Labelling
+from cellmap.basins.sweeps import Batch, LabellingTask
 
 
 def forced(t, x, p):
@@ -294,13 +294,13 @@ def test_nothing_finer_is_labelled_before_it_is_asked_for(monkeypatch: pytest.Mo
     places = InitialConditions.of(CellGrid((-2.2, -2.2), (2.2, 2.2), (300, 300)), point_map)
     known = find_basins(point_map, WINDOW).attractors
     begun: list[int] = []
-    label = Labelling.__call__
+    label = LabellingTask.__call__
 
-    def counted(work: Labelling, batch: Batch) -> Settled:
+    def counted(work: LabellingTask, batch: Batch) -> Settled:
         begun.append(np.size(batch.rows))
         return label(work, batch)
 
-    monkeypatch.setattr(Labelling, "__call__", counted)
+    monkeypatch.setattr(LabellingTask, "__call__", counted)
     set_threads(2)
     try:
         frames = refinement(point_map, places, (2000, 32), known, 4, None, None, Stop(None), first=2)

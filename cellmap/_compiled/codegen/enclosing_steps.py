@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import combinations_with_replacement
 from typing import Any
 
-from .enclosures import Lanes, Rows
+from .enclosures import BoxLayout, Lanes
 from .instructions import Value, total
 from .intervals import Interval, largest, products, widened
 from .moving_frames import Errors, Frame, Matrix, stretched
@@ -25,7 +25,7 @@ class FirstOrderStep:
     """A step of the boxes of a vector of lanes, from what is known of them before to what is known after."""
 
     def __init__(
-        self, lanes: Lanes, rows: Rows, box: str, series: list[Any], order: int, h: Interval, memory: str
+        self, lanes: Lanes, rows: BoxLayout, box: str, series: list[Any], order: int, h: Interval, memory: str
     ) -> None:
         self.lanes, self.rows, self.box, self.order, self.h, self.memory = lanes, rows, box, order, h, memory
         self.at_point, self.over_box, self.over_step = series

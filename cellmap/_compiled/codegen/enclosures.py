@@ -6,10 +6,10 @@ derivative of F at every point of the box.  The functions are
     enclose(state, count, stride, p)                                   for discrete maps
     enclose(state, count, stride, p, steps, times, length, spread)     for flows
 
-with addresses of arrays, of which ``state`` has rows of `stride` numbers, one for each box: see :class:`Rows`.  ``p``
-holds the midpoint and the radius of each parameter; for flows the unit of each coordinate, a power of two, and its
-inverse follow.  A step of a flow begins at one of the ``times``, again midpoints
-and radii, and lasts as long as ``length`` and ``spread`` say, its midpoint and radius.
+with addresses of arrays, of which ``state`` has rows of `stride` numbers, one for each box: see :class:`BoxLayout`.
+``p`` holds the midpoint and the radius of each parameter; for flows the unit of each coordinate, a power of two, and
+its inverse follow.  A step of a flow begins at one of the ``times``, again midpoints and radii,
+and lasts as long as ``length`` and ``spread`` say, its midpoint and radius.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ MOST_BENDS = 3  # states, up to which second derivatives of discrete maps are wo
 
 
 @dataclass(frozen=True)
-class Rows:
+class BoxLayout:
     """Rows of the array ``state`` of boxes in d dimensions; those of matrices row by row.
 
     Half-widths; midpoints and radii of images, and of the derivatives over the boxes; and the distances from the
@@ -61,7 +61,7 @@ class Rows:
     count: int
 
     @classmethod
-    def of(cls, d: int, pairs: int = 0) -> Rows:
+    def of(cls, d: int, pairs: int = 0) -> BoxLayout:
         """Return the rows for boxes in d dimensions."""
         sizes = [d, d, d, d * d, d * d, d, d * d, d, d * d, pairs * d, pairs * d]
         ends = [0, *accumulate(sizes)]
@@ -81,7 +81,7 @@ class CompiledEnclosure:
     ``code`` returns what holds the function, given how many more steps of boxes it is needed for.
     """
 
-    rows: Rows
+    rows: BoxLayout
     order: int
     code: Callable[[int], MachineCode]
 
@@ -101,7 +101,7 @@ class CompiledEnclosure:
 def discrete_enclosure(trace: Trace, parameters: int) -> CompiledEnclosure:
     """Compile the enclosure of a traced discrete map."""
     code = machine_code(discrete_text(enclosable(trace), parameters, vector_width()))
-    return CompiledEnclosure(Rows.of(len(trace.states)), 0, lambda _: code)
+    return CompiledEnclosure(BoxLayout.of(len(trace.states)), 0, lambda _: code)
 
 
 def discrete_text(trace: Trace, parameters: int, width: int) -> str:
@@ -110,7 +110,7 @@ def discrete_text(trace: Trace, parameters: int, width: int) -> str:
     The derivative over a box is bounded by its own formula, and by that at the centre and second derivatives over the
     box; the narrower one counts.
     """
-    graph, rows, d = trace.graph, Rows.of(len(trace.states)), len(trace.states)
+    graph, rows, d = trace.graph, BoxLayout.of(len(trace.states)), len(trace.states)
     one = graph.constant(1.0)
     columns = [along(graph, trace.outputs, {x: one}) for x in trace.states]
     entries = [e for row in zip(*columns, strict=True) for e in row]

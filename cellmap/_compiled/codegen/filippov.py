@@ -26,7 +26,7 @@ from .continuity import is_continuous
 from .derivative import along
 from .evaluation import evaluated
 from .expression import Expression, Graph, UntraceableError, in_order, is_analytic
-from .impacts import Impact, beside_rest, impact_of
+from .impacts import ImpactExpressions, beside_rest, impact_of
 from .sliding import held_in_places, held_signs
 from .trace import Trace, empty_trace
 
@@ -57,7 +57,7 @@ class SwitchingTrace:
     normals: tuple[tuple[Expression, ...], ...]
     beginnings: tuple[Expression, ...]
     counts: tuple[bool, ...]
-    impacts: tuple[Impact | None, ...] = ()
+    impacts: tuple[ImpactExpressions | None, ...] = ()
 
     @property
     def bound(self) -> tuple[int, ...]:
@@ -193,7 +193,7 @@ def _with_impacts(
     """
     base, graph = traced.free_motion, traced.free_motion.graph
     sliding = [k for k, row in enumerate(traced.gains) if not row[k].vanishes]
-    impacts: list[Impact | None] = [None] * len(traced.surfaces)
+    impacts: list[ImpactExpressions | None] = [None] * len(traced.surfaces)
     rates, gains, events = list(traced.rates), [list(row) for row in traced.gains], list(traced.events)
     components = list(traced.motion.outputs)
     for e, (guard, solid, *reset) in strikes.items():

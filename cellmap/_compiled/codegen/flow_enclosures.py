@@ -24,7 +24,7 @@ from ..forking import COMPILING
 from ..machine_code import MachineCode, machine_code, vector_width
 from .derivative import along, frame_traces
 from .enclosing_steps import FirstOrderStep, SecondOrderStep, pairs_of
-from .enclosures import CompiledEnclosure, Lanes, Rows
+from .enclosures import BoxLayout, CompiledEnclosure, Lanes
 from .exact_formulas import enclosable
 from .expression import in_order
 from .intervals import Interval, widened
@@ -63,8 +63,8 @@ class _CodeForSteps:
             return self._code
 
 
-def _rows(d: int, second: bool) -> Rows:
-    return Rows.of(d, d * (d + 1) // 2 if second else 0)
+def _rows(d: int, second: bool) -> BoxLayout:
+    return BoxLayout.of(d, d * (d + 1) // 2 if second else 0)
 
 
 def flow_text(trace: Trace, parameters: int, order: int, width: int, second: bool = False) -> str:

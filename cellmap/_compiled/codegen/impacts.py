@@ -27,7 +27,7 @@ _SAMPLES = 16
 
 
 @dataclass(frozen=True, eq=False)
-class Impact:
+class ImpactExpressions:
     """Expressions of an impact.
 
     ``rate`` and ``acceleration`` of the guard where nothing holds it; ``landed``, ``turned``: state and deviation
@@ -52,14 +52,16 @@ class Impact:
         """Whether a state can rest on the surface."""
         return bool(self.push)
 
-    def with_bound(self, count: int, sides: Mapping[int, int | None]) -> Impact:
+    def with_bound(self, count: int, sides: Mapping[int, int | None]) -> ImpactExpressions:
         """Add the sides of switches that slide; where one of them is None, a state cannot rest."""
         if any(side is None for side in sides.values()):
             return replace(self, push=())
         return replace(self, bound=tuple(sides.get(k) or 0 for k in range(count)))
 
 
-def impact_of(base: Trace, guard: Expression, reset: Sequence[Expression], modes: Sequence[Switch] = ()) -> Impact:
+def impact_of(
+    base: Trace, guard: Expression, reset: Sequence[Expression], modes: Sequence[Switch] = ()
+) -> ImpactExpressions:
     """Return the expressions of an impact in a motion, whose outputs are those of a mode in which nothing is held.
 
     After the impact switches are on the sides to which the reset takes the state.
@@ -83,12 +85,16 @@ def impact_of(base: Trace, guard: Expression, reset: Sequence[Expression], modes
         graph.apply("add", c, graph.times(delay, graph.minus(f, m)))
         for c, f, m in zip(carried, after, moving, strict=True)
     )
-    impact = Impact(rate, acceleration, tuple(reset), turned, base.states, deviation, ())
+    impact = ImpactExpressions(rate, acceleration, tuple(reset), turned, base.states, deviation, ())
     return _with_rest(base, impact, guard, ahead)
 
 
 def beside_rest(
-    base: Trace, impact: Impact, surface: Expression, normal: Sequence[Expression], jump: Sequence[Expression]
+    base: Trace,
+    impact: ImpactExpressions,
+    surface: Expression,
+    normal: Sequence[Expression],
+    jump: Sequence[Expression],
 ) -> int | None:
     """Return what a switch that slides does while a state rests: 0 if neither acts on the other.
 
@@ -104,7 +110,9 @@ def beside_rest(
     return int(np.sign(ratio[0])) if alike else None
 
 
-def _with_rest(base: Trace, impact: Impact, guard: Expression, ahead: dict[Expression, Expression]) -> Impact:
+def _with_rest(
+    base: Trace, impact: ImpactExpressions, guard: Expression, ahead: dict[Expression, Expression]
+) -> ImpactExpressions:
     """Add what belongs to a rest, where the impact acts along one direction on which the guard's rate depends.
 
     Coordinates that nothing changes, as parameters among the state, are no part of a direction.

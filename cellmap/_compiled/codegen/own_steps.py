@@ -43,7 +43,7 @@ def compiled_own_steps(step: OwnStep, dimension: int, parameters: int, quick: bo
 
 
 @dataclass(frozen=True)
-class _Numbers:
+class _StepControl:
     """What all lanes of a block share: times, lengths of steps, tolerances, and the part of these for one step."""
 
     end: Value
@@ -70,7 +70,7 @@ def own_steps_text(step: OwnStep, dimension: int, parameters: int, width: int) -
     with out.loop("block", blocks_of_orbits(out)) as block:
         used, taken = lanes_in_use(out, block), out.address("%steps", block)
         fraction = out.result(f"sitofp i64 {out.load_whole(taken)} to double")
-        shared = _Numbers(end, first, least, longest, rtol, atol, largest, fraction)
+        shared = _StepControl(end, first, least, longest, rtol, atol, largest, fraction)
         place_of_block = out.whole("mul", block, dimension * LANES)
         x, error = out.address("%x", place_of_block), out.address("%error", place_of_block)
         _fill(out, "cleared", dimension * LANES, {error: number(0.0)})
@@ -101,7 +101,7 @@ def _fill(out: Instructions, name: str, count: str | int, values: Mapping[str, V
             out.store(out.as_vector(value), out.address(array, place))
 
 
-def _moved(shared: _Numbers, per_lane: OwnStepOfLane, dimension: int, known: Values) -> list[Value]:
+def _moved(shared: _StepControl, per_lane: OwnStepOfLane, dimension: int, known: Values) -> list[Value]:
     """Write a step of a lane: states, errors brought along, time, and the length that was wanted, before and after.
 
     A lane at the end goes on in vain: nothing of it is kept.

@@ -18,7 +18,7 @@ from ..loops import inlined, loop
 from .blocks import place_of
 from .calls import call_look_up
 from .capture import CERTAIN, LOOKED_AT, OUTSIDE, ellipsoids_of, held_by_cover, sifted
-from .periods import ESCAPED, INACCURATE, NOWHERE, Discrete, Motion, integrate, iterate, notice
+from .periods import ESCAPED, INACCURATE, NOWHERE, CompiledMap, Motion, integrate, iterate, notice
 
 FINISHED, INTERRUPTED, ASKS_FOR_POOL, ASKS_FOR_WAITING = 0, 1, 2, 3
 """Why the loop returns: nothing is left, so that Ctrl-C is heard, or for one step of the map or of the exact map."""
@@ -55,7 +55,7 @@ class Table(NamedTuple):
     circle: NDArray[np.float64] = NOWHERE
 
 
-class Step(NamedTuple):
+class PeriodStep(NamedTuple):
     """How orbits make a period: with a table or without, and by the exact map of some kind.
 
     Without arguments it is that of a map of which nothing is known but the function that it is.
@@ -64,7 +64,7 @@ class Step(NamedTuple):
     table: Table = Table()
     kind: int = NOT_COMPILED
     motion: Motion = Motion()
-    discrete: Discrete = Discrete()
+    discrete: CompiledMap = CompiledMap()
     lower: NDArray[np.float64] = NOWHERE
     turn: NDArray[np.float64] = NOWHERE
 
@@ -82,7 +82,7 @@ class Limits(NamedTuple):
     patience: int
 
 
-class Rows(NamedTuple):
+class PoolRows(NamedTuple):
     """Rows of the pool: states, periods left until the next look, the age at it, and the number of the orbit."""
 
     points: NDArray[np.float64]
@@ -93,7 +93,7 @@ class Rows(NamedTuple):
     member: NDArray[np.int64]
 
 
-class Outcome(NamedTuple):
+class LabelledOrbits(NamedTuple):
     """What becomes of each orbit: state, label, settling time, and the last look before, with the point there.
 
     ``points``, ``rotations``, ``status`` are the orbits' states, at the beginning and at the end; ``residence`` counts
@@ -125,11 +125,11 @@ class Scratch(NamedTuple):
     made: NDArray[np.int64]
 
 
-class Work(NamedTuple):
+class LabellingWorkspace(NamedTuple):
     """Rows of the pool and those that wait, arrays for a look at them, and counts."""
 
-    pool: Rows
-    waiting: Rows
+    pool: PoolRows
+    waiting: PoolRows
     scratch: Scratch
     counts: NDArray[np.int64]
 

@@ -116,7 +116,7 @@ class Motion(NamedTuple):
     coarse: NDArray[np.int64] = NONE
 
 
-class Discrete(NamedTuple):
+class CompiledMap(NamedTuple):
     """A discrete map: a compiled function, what it is called with, and the size from which on orbits have diverged."""
 
     function: int = 0
@@ -125,7 +125,7 @@ class Discrete(NamedTuple):
     bound: float = 0.0
 
 
-class Batch(NamedTuple):
+class PeriodWorkspace(NamedTuple):
     """What is known of orbits in a period, by their numbers or, of those that still need steps, by their places.
 
     By number: ``initial`` points (n, d); ``ratios`` of error to tolerance; ratio and steps of the round ``before``
@@ -164,7 +164,7 @@ def integrate(motion, points, rotations, status, small, lower, turn, periods):
     living, members, ordered = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
     checks, taken, rungs = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
     blocks = np.empty((-(-n // LANES), d, LANES))
-    batch = Batch(
+    batch = PeriodWorkspace(
         np.empty((n, d)),
         np.empty(n),
         np.empty((n, 2)),

@@ -9,10 +9,10 @@ import numpy as np
 
 from .marks import Failure
 from .numbers import Arithmetic, literal
-from .values import CONTIGUOUS, FLOAT, IN_ROWS, STORED, STRIDED, TRUTH, UNSIGNED, WHOLE, ArrayKind, Known, Value
+from .values import CONTIGUOUS, FLOAT, IN_ROWS, STORED, STRIDED, TRUTH, UNSIGNED, WHOLE, ArrayKind, Known, TypedValue
 from .writer import Writer
 
-Index = Value | Known | tuple[Value | Known | None, Value | Known | None]
+Index = TypedValue | Known | tuple[TypedValue | Known | None, TypedValue | Known | None]
 """A number, or the two ends of a slice."""
 
 ALIGNMENT = 64
@@ -25,11 +25,11 @@ class Arrays:
     def __init__(self, writer: Writer, numbers: Arithmetic, refuse: Callable[[Failure], str], checked: bool) -> None:
         self.writer, self.numbers, self._refuse, self._checked = writer, numbers, refuse, checked
 
-    def shape(self, array: Value) -> tuple[str, ...]:
+    def shape(self, array: TypedValue) -> tuple[str, ...]:
         """Return the registers with the shape of an array."""
         return array.registers[1 : 1 + _kind(array).ndim]
 
-    def strides(self, array: Value) -> tuple[str, ...]:
+    def strides(self, array: TypedValue) -> tuple[str, ...]:
         """Return the strides in bytes: registers, or constants."""
         kind = _kind(array)
         known = array.registers[1 + kind.ndim :]
@@ -42,12 +42,12 @@ class Arrays:
             strides.append(self._product(strides[-1], length))
         return tuple(reversed(strides))
 
-    def indexed(self, array: Value, indices: list[Index]) -> Value:
+    def indexed(self, array: TypedValue, indices: list[Index]) -> TypedValue:
         """Return an element, or a view where some axes are left."""
         kind, address, shape, strides = self._place(array, indices)
         return self.loaded(kind.element, address) if not shape else self._view(kind, address, shape, strides)
 
-    def assign(self, array: Value, indices: list[Index], value: Value | Known) -> None:
+    def assign(self, array: TypedValue, indices: list[Index], value: TypedValue | Known) -> None:
         """Write an element, or all elements of a view."""
         kind, address, shape, strides = self._place(array, indices)
         if not kind.writeable:
@@ -56,7 +56,7 @@ class Arrays:
             self._store(kind.element, address, value)
             return
         view = self._view(kind, address, shape, strides)
-        if isinstance(value, Value) and isinstance(value.kind, ArrayKind):
+        if isinstance(value, TypedValue) and isinstance(value.kind, ArrayKind):
             source = value
             if _kind(source).ndim != len(shape):
                 raise TypeError(f"an array of {_kind(source).ndim} dimensions is assigned to {len(shape)}")
@@ -70,29 +70,29 @@ class Arrays:
         else:
             self.each(shape, lambda places: self._store(kind.element, self.address(view, places), value))
 
-    def element(self, array: Value, places: list[str]) -> Value:
+    def element(self, array: TypedValue, places: list[str]) -> TypedValue:
         """Return the element at places in registers."""
         return self.loaded(_kind(array).element, self.address(array, places))
 
-    def address(self, array: Value, places: list[str]) -> str:
+    def address(self, array: TypedValue, places: list[str]) -> str:
         """Return the address of an element."""
         address = array.registers[0]
         for place, stride in zip(places, self.strides(array), strict=False):
             address = self._moved(address, place, stride)
         return address
 
-    def loaded(self, element: str, address: str) -> Value:
+    def loaded(self, element: str, address: str) -> TypedValue:
         """Return the number at an address."""
         stored = STORED[element]
         found = self.writer.value(f"load {stored}, ptr {address}")
         if element == "bool":
-            return Value(TRUTH, (self.writer.value(f"icmp ne i8 {found}, 0"),))
+            return TypedValue(TRUTH, (self.writer.value(f"icmp ne i8 {found}, 0"),))
         if element == "float32":
-            return Value(FLOAT, (self.writer.value(f"fpext float {found} to double"),))
+            return TypedValue(FLOAT, (self.writer.value(f"fpext float {found} to double"),))
         if stored not in ("i64", "double"):
             widened = "zext" if element.startswith("u") else "sext"
-            return Value(WHOLE, (self.writer.value(f"{widened} {stored} {found} to i64"),))
-        return Value(element, (found,))
+            return TypedValue(WHOLE, (self.writer.value(f"{widened} {stored} {found} to i64"),))
+        return TypedValue(element, (found,))
 
     def each(self, shape: tuple[str, ...], act: Callable[[list[str]], None]) -> None:
         """Do something at all places of an array of a shape, in order."""
@@ -119,7 +119,7 @@ class Arrays:
         w.repeat(test)
         w.begin(after)
 
-    def allocated(self, shape: list[Value | Known], element: str, kept: str, zero: bool) -> Value:
+    def allocated(self, shape: list[TypedValue | Known], element: str, kept: str, zero: bool) -> TypedValue:
         """Return a new array, whose memory is written down at an address; what was there before is given back."""
         w, value = self.writer, self.writer.value
         kind = ArrayKind(element, len(shape))
@@ -138,9 +138,11 @@ class Arrays:
         self.require(f"icmp ne ptr {block}, null", Failure.NO_MEMORY)
         behind = value(f"add i64 {value(f'ptrtoint ptr {block} to i64')}, {ALIGNMENT}")
         begin = value(f"and i64 {behind}, {-ALIGNMENT}")
-        return Value(kind, (value(f"inttoptr i64 {begin} to ptr"), *lengths))
+        return TypedValue(kind, (value(f"inttoptr i64 {begin} to ptr"), *lengths))
 
-    def _place(self, array: Value, indices: list[Index]) -> tuple[ArrayKind, str, tuple[str, ...], tuple[str, ...]]:
+    def _place(
+        self, array: TypedValue, indices: list[Index]
+    ) -> tuple[ArrayKind, str, tuple[str, ...], tuple[str, ...]]:
         """Return element, address, shape and strides of what indices choose."""
         kind, address = _kind(array), array.registers[0]
         lengths, all_strides = self.shape(array), self.strides(array)
@@ -165,11 +167,11 @@ class Arrays:
         chosen = ArrayKind(kind.element, len(shape), layout, kind.writeable, kind.made)
         return chosen, address, tuple(shape), tuple(strides)
 
-    def _view(self, kind: ArrayKind, address: str, shape: tuple[str, ...], strides: tuple[str, ...]) -> Value:
+    def _view(self, kind: ArrayKind, address: str, shape: tuple[str, ...], strides: tuple[str, ...]) -> TypedValue:
         known = {CONTIGUOUS: (), IN_ROWS: strides[:-1], STRIDED: strides}[kind.layout]
-        return Value(kind, (address, *shape, *known))
+        return TypedValue(kind, (address, *shape, *known))
 
-    def laid_out(self, array: Value, layout: str) -> Value:
+    def laid_out(self, array: TypedValue, layout: str) -> TypedValue:
         """Return an array as one of a layout that says less of it."""
         kind = _kind(array)
         if kind.layout == layout:
@@ -177,7 +179,7 @@ class Arrays:
         other = ArrayKind(kind.element, kind.ndim, layout, kind.writeable, kind.made)
         return self._view(other, array.registers[0], self.shape(array), self.strides(array))
 
-    def _number(self, index: Value | Known, length: str) -> str:
+    def _number(self, index: TypedValue | Known, length: str) -> str:
         if isinstance(index, Known) and self.numbers.number(index).kind == WHOLE and index.value < 0:
             found = self.writer.value(f"add nsw i64 {length}, {int(index.value)}")
         else:
@@ -190,7 +192,7 @@ class Arrays:
 
     def _ends(self, ends: tuple[Any, Any], length: str) -> tuple[str, str]:
         """Return begin and length of a slice, whose ends lie within the array."""
-        whole = Value(WHOLE, (length,))
+        whole = TypedValue(WHOLE, (length,))
         if ends == (None, None):
             return "0", length
         begin = self._within(ends[0], whole) if ends[0] is not None else literal(0)
@@ -198,20 +200,20 @@ class Arrays:
         size = self.writer.value(f"sub nsw i64 {end.register}, {begin.register}")
         return begin.register, self.writer.value(f"call i64 @llvm.smax.i64(i64 {size}, i64 0)")
 
-    def _within(self, end: Value | Known, length: Value) -> Value:
+    def _within(self, end: TypedValue | Known, length: TypedValue) -> TypedValue:
         number = self.numbers.whole(end)
         if isinstance(end, Known) and end.value < 0:
             raise TypeError("a slice from the end")
         if self._checked:
             self.require(f"icmp sge i64 {number.register}, 0", Failure.OUTSIDE)
         text = f"call i64 @llvm.smin.i64(i64 {number.register}, i64 {length.register})"
-        return Value(WHOLE, (self.writer.value(text),))
+        return TypedValue(WHOLE, (self.writer.value(text),))
 
-    def _store(self, element: str, address: str, value: Value | Known) -> None:
+    def _store(self, element: str, address: str, value: TypedValue | Known) -> None:
         stored = STORED[element]
         kind = element if element in (FLOAT, WHOLE, UNSIGNED, TRUTH) else FLOAT if element == "float32" else WHOLE
         found = self.numbers.number(value)
-        sign_differs = isinstance(value, Value) and {found.kind, kind} == {WHOLE, UNSIGNED}
+        sign_differs = isinstance(value, TypedValue) and {found.kind, kind} == {WHOLE, UNSIGNED}
         if (found.kind == FLOAT and kind != FLOAT) or sign_differs:
             said = "float" if found.kind == FLOAT else found.kind
             raise TypeError(f"a {said} is written into an array of {element}: say how it is to be converted")
@@ -254,7 +256,7 @@ def _numbers_in(element: str) -> range:
     return range(int(limits.min), int(limits.max) + 1)
 
 
-def _kind(array: Value) -> ArrayKind:
+def _kind(array: TypedValue) -> ArrayKind:
     if not isinstance(array.kind, ArrayKind):
         raise TypeError(f"a value of the kind {array.kind} is no array")
     return array.kind

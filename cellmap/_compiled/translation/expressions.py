@@ -29,7 +29,7 @@ from .values import (
     Known,
     PointerKind,
     TupleKind,
-    Value,
+    TypedValue,
     element_of,
     items_of,
     joined,
@@ -62,7 +62,12 @@ class Expressions:
     """What expressions become; constants are worked out at once."""
 
     def __init__(
-        self, module: Any, what: Deferred, given: dict[str, Value], names: Mapping[str, int], kinds: dict[str, Kind]
+        self,
+        module: Any,
+        what: Deferred,
+        given: dict[str, TypedValue],
+        names: Mapping[str, int],
+        kinds: dict[str, Kind],
     ) -> None:
         self.module, self.kinds = module, kinds
         self._own = {*names, *given}
@@ -85,7 +90,7 @@ class Expressions:
         self._leaves: list[str] = []
         self._blocks_of_codes: dict[int, str] = {}
 
-    def variable(self, name: str) -> Value | None:
+    def variable(self, name: str) -> TypedValue | None:
         """Return the value of a variable; None where the name is not one."""
         fixed = self.fixed.get(name)
         if fixed is None and name not in self.places:
@@ -98,9 +103,9 @@ class Expressions:
             kind = self.kinds[name]
             pairs = zip(registers(kind), self.places[name], strict=True)
             found = tuple(self.writer.value(f"load {t}, ptr {place}") for t, place in pairs)
-        return Value(lasting(kind, SEEN_AGAIN) if made(kind) == AGAIN else kind, found)
+        return TypedValue(lasting(kind, SEEN_AGAIN) if made(kind) == AGAIN else kind, found)
 
-    def value(self, found: Value | Known) -> Value:
+    def value(self, found: TypedValue | Known) -> TypedValue:
         """Return a constant as the number or tuple that it is."""
         if isinstance(found, Known) and isinstance(found.value, tuple):
             items = [self.value(Known(item)) for item in found.value]
@@ -137,29 +142,29 @@ class Expressions:
             return Known(tuple(values))
         return None
 
-    def expression(self, node: ast.expr) -> Value | Known:
+    def expression(self, node: ast.expr) -> TypedValue | Known:
         """Return the value of an expression."""
         known = self.known(node)
         if known is not None:
             return known
-        written: Value | Known = getattr(self, f"_of_{type(node).__name__.lower()}")(node)
+        written: TypedValue | Known = getattr(self, f"_of_{type(node).__name__.lower()}")(node)
         return written
 
-    def array(self, node: ast.expr) -> Value:
+    def array(self, node: ast.expr) -> TypedValue:
         """Return the array that an expression is."""
         value = self.expression(node)
-        if not isinstance(value, Value) or not isinstance(value.kind, ArrayKind):
+        if not isinstance(value, TypedValue) or not isinstance(value.kind, ArrayKind):
             raise TypeError(f"{ast.unparse(node)} is no array")
         return value
 
-    def listed(self, value: Value | Known) -> Value:
+    def listed(self, value: TypedValue | Known) -> TypedValue:
         """Return an array, or constants as one."""
-        if isinstance(value, Value):
+        if isinstance(value, TypedValue):
             return value
         name, kind = self.module.constants(value.value)
-        return Value(ArrayKind(kind, 1, writeable=False), (name, str(len(value.value))))
+        return TypedValue(ArrayKind(kind, 1, writeable=False), (name, str(len(value.value))))
 
-    def items(self, value: Value | Known, count: int = 0) -> list[Value | Known]:
+    def items(self, value: TypedValue | Known, count: int = 0) -> list[TypedValue | Known]:
         """Return the items of a tuple, or the first ones of an array."""
         if isinstance(value, Known):
             return [Known(item) for item in value.value]
@@ -201,7 +206,7 @@ class Expressions:
             self.condition(node.values[-1], then, otherwise, wants_bool)
         else:
             found = self.expression(node)
-            if wants_bool and not (isinstance(found, Value) and found.kind == TRUTH):
+            if wants_bool and not (isinstance(found, TypedValue) and found.kind == TRUTH):
                 raise TypeError(f"`and` or `or` of {ast.unparse(node)}, which is no bool")
             self.writer.branch(self.numbers.truth(found).register, then, otherwise)
 
@@ -213,38 +218,38 @@ class Expressions:
             self.refusals += [f"{label}:", f"  store i32 {code}, ptr %failure", "  br label %exit"]
         return self._blocks_of_codes[code]
 
-    def _of_name(self, node: ast.Name) -> Value:
+    def _of_name(self, node: ast.Name) -> TypedValue:
         value = self.variable(node.id)
         if value is None:
             raise TypeError(f"{node.id} has no value here")
         return value
 
-    def _of_tuple(self, node: ast.Tuple) -> Value:
+    def _of_tuple(self, node: ast.Tuple) -> TypedValue:
         return tuple_of([self.value(self.expression(one)) for one in node.elts])
 
-    def _of_attribute(self, node: ast.Attribute) -> Value:
+    def _of_attribute(self, node: ast.Attribute) -> TypedValue:
         value = self.expression(node.value)
         if isinstance(value, Known):
             raise TypeError(f"{ast.unparse(node)} is not in the language")
         if isinstance(value.kind, TupleKind) and node.attr in value.kind.names:
             return list(items_of(value))[value.kind.names.index(node.attr)]
         if isinstance(value.kind, ArrayKind):
-            shape = [Value(WHOLE, (length,)) for length in self.arrays.shape(value)]
+            shape = [TypedValue(WHOLE, (length,)) for length in self.arrays.shape(value)]
             if node.attr == "shape":
                 return tuple_of(shape)
             if node.attr == "size":
-                size: Value | Known = Known(1)
+                size: TypedValue | Known = Known(1)
                 for length in shape:
                     size = self.numbers.binary(ast.Mult(), size, length)
                 return self.numbers.number(size)
         raise TypeError(f"{ast.unparse(node)}: no such field of a value of the kind {value.kind}")
 
-    def _of_subscript(self, node: ast.Subscript) -> Value | Known:
+    def _of_subscript(self, node: ast.Subscript) -> TypedValue | Known:
         value, indices = self.expression(node.value), self.indices(node.slice)
-        if isinstance(value, Value) and isinstance(value.kind, ArrayKind):
+        if isinstance(value, TypedValue) and isinstance(value.kind, ArrayKind):
             return self.arrays.indexed(value, indices)
         (place,) = indices
-        if isinstance(value, Value) and isinstance(value.kind, PointerKind):
+        if isinstance(value, TypedValue) and isinstance(value.kind, PointerKind):
             return self.arrays.indexed(self._array_at(value, Known(2**62)), indices)
         if not isinstance(place, Known):
             if isinstance(value, Known):
@@ -252,16 +257,16 @@ class Expressions:
             raise TypeError(f"{ast.unparse(node)}: the place in a tuple has to be a constant")
         return self.items(value)[place.value]
 
-    def _of_binop(self, node: ast.BinOp) -> Value:
+    def _of_binop(self, node: ast.BinOp) -> TypedValue:
         return self.numbers.binary(node.op, self.expression(node.left), self.expression(node.right))
 
-    def _of_unaryop(self, node: ast.UnaryOp) -> Value | Known:
+    def _of_unaryop(self, node: ast.UnaryOp) -> TypedValue | Known:
         if isinstance(node.op, ast.Not):
             truth = self.numbers.truth(self.expression(node.operand))
-            return Value(TRUTH, (self.writer.value(f"xor i1 {truth.register}, true"),))
+            return TypedValue(TRUTH, (self.writer.value(f"xor i1 {truth.register}, true"),))
         return self.numbers.negative(self.expression(node.operand))
 
-    def _of_compare(self, node: ast.Compare) -> Value:
+    def _of_compare(self, node: ast.Compare) -> TypedValue:
         left, found, w = self.expression(node.left), "", self.writer
         place, after = "", ""
         for comparison, other in zip(node.ops, node.comparators, strict=True):
@@ -278,7 +283,7 @@ class Expressions:
             w.write(f"store i1 {found}, ptr {place}")
             w.begin(after)
             found = w.value(f"load i1, ptr {place}")
-        return Value(TRUTH, (found,))
+        return TypedValue(TRUTH, (found,))
 
     def _looks(self, node: ast.AST) -> bool:
         """Tell whether an expression reads an array, or may do anything else."""
@@ -287,7 +292,7 @@ class Expressions:
         known = self.known(node.func) if isinstance(node, ast.Call) else None
         return known is not None and isinstance(known.value, Deferred)
 
-    def _of_boolop(self, node: ast.BoolOp) -> Value:
+    def _of_boolop(self, node: ast.BoolOp) -> TypedValue:
         w = self.writer
         then, otherwise, after = w.label(), w.label(), w.label()
         place = w.memory("i1")
@@ -297,9 +302,9 @@ class Expressions:
             w.write(f"store i1 {truth}, ptr {place}")
             w.jump(after)
         w.begin(after)
-        return Value(TRUTH, (w.value(f"load i1, ptr {place}"),))
+        return TypedValue(TRUTH, (w.value(f"load i1, ptr {place}"),))
 
-    def _of_ifexp(self, node: ast.IfExp) -> Value | Known:
+    def _of_ifexp(self, node: ast.IfExp) -> TypedValue | Known:
         known = self.known(node.test)
         if known is not None:
             return self.expression(node.body if known.value else node.orelse)
@@ -325,9 +330,9 @@ class Expressions:
             later[at : at + 1] = w.lines
         w.lines, w.ended = later, True
         w.begin(after)
-        return Value(kind, (w.value(f"load {REGISTERS[str(kind)]}, ptr {place}"),))
+        return TypedValue(kind, (w.value(f"load {REGISTERS[str(kind)]}, ptr {place}"),))
 
-    def _of_call(self, node: ast.Call) -> Value | Known:
+    def _of_call(self, node: ast.Call) -> TypedValue | Known:
         known = self.known(node.func)
         if known is None:
             if isinstance(node.func, ast.Attribute) and node.func.attr == "_replace" and not node.args:
@@ -361,13 +366,13 @@ class Expressions:
             return self.numbers.extreme(ast.Lt() if function is min else ast.Gt(), given)
         if function is abs:
             return self.numbers.absolute(given[0])
-        if function is len and isinstance(given[0], Value):
-            return Value(WHOLE, (self.arrays.shape(given[0])[0],))
+        if function is len and isinstance(given[0], TypedValue):
+            return TypedValue(WHOLE, (self.arrays.shape(given[0])[0],))
         raise TypeError(f"{ast.unparse(node.func)} is not in the language")
 
-    def _record(self, node: ast.Call, names: tuple[str, ...], others: Mapping[str, Value | Known]) -> Value:
+    def _record(self, node: ast.Call, names: tuple[str, ...], others: Mapping[str, TypedValue | Known]) -> TypedValue:
         """Return a named tuple of arguments by place and by name; fields that are not given have those of others."""
-        what, given = ast.unparse(node.func), dict[str, Value | Known]()
+        what, given = ast.unparse(node.func), dict[str, TypedValue | Known]()
         if len(node.args) > len(names):
             raise TypeError(f"{what} has {len(names)} fields, not {len(node.args)}")
         for name, one in [*zip(names, node.args, strict=False), *((one.arg, one.value) for one in node.keywords)]:
@@ -381,7 +386,7 @@ class Expressions:
             raise TypeError(f"{what} is not given {', '.join(lacking)}")
         return tuple_of([self.value(found[name]) for name in names], names)
 
-    def _new(self, node: ast.Call) -> Value:
+    def _new(self, node: ast.Call) -> TypedValue:
         known, given = self.known(node.func), node.args
         assert known is not None
         function = known.value
@@ -390,7 +395,7 @@ class Expressions:
         if function is np.empty_like:
             model = self.array(given[0])
             assert isinstance(model.kind, ArrayKind)
-            lengths: list[Value | Known] = [Value(WHOLE, (length,)) for length in self.arrays.shape(model)]
+            lengths: list[TypedValue | Known] = [TypedValue(WHOLE, (length,)) for length in self.arrays.shape(model)]
             element = model.kind.element
         else:
             shape = self.expression(given[0])
@@ -403,14 +408,14 @@ class Expressions:
         array = self.allocated(lengths, element, _NEW[function])
         if function is np.ones:
             self.arrays.assign(array, [(None, None)], Known(1))
-        return Value(lasting(array.kind, AGAIN if self.turns else HERE), array.registers)
+        return TypedValue(lasting(array.kind, AGAIN if self.turns else HERE), array.registers)
 
-    def allocated(self, lengths: list[Value | Known], element: str, zero: bool = False) -> Value:
+    def allocated(self, lengths: list[TypedValue | Known], element: str, zero: bool = False) -> TypedValue:
         """Return a new array, whose memory is given back when its successor is made, and at the end."""
         self.kept.append(self.writer.memory("ptr", "null"))
         return self.arrays.allocated(lengths, element, self.kept[-1], zero)
 
-    def _called_by_address(self, what: ByAddress, given: list[Value | Known]) -> Value:
+    def _called_by_address(self, what: ByAddress, given: list[TypedValue | Known]) -> TypedValue:
         handed = []
         if len(given) != what.function.__code__.co_argcount:
             raise TypeError(f"{what.function.__qualname__} does not take {len(given)} arguments")
@@ -422,19 +427,19 @@ class Expressions:
         address = self.numbers.whole(given[0]).register
         function = self.writer.value(f"inttoptr i64 {address} to ptr")
         self.writer.write(f"call void {function}({', '.join(handed)})")
-        return Value(None, ())
+        return TypedValue(None, ())
 
-    def _array_at(self, address: Value | Known, shape: Value | Known) -> Value:
-        if isinstance(address, Value) and isinstance(address.kind, PointerKind):
+    def _array_at(self, address: TypedValue | Known, shape: TypedValue | Known) -> TypedValue:
+        if isinstance(address, TypedValue) and isinstance(address.kind, PointerKind):
             kind, begin = address.kind, address.register
         else:
             whole = self.numbers.whole(address).register
             kind, begin = PointerKind(FLOAT), self.writer.value(f"inttoptr i64 {whole} to ptr")
-        is_tuple = isinstance(shape, Value) and isinstance(shape.kind, TupleKind)
+        is_tuple = isinstance(shape, TypedValue) and isinstance(shape.kind, TupleKind)
         lengths = [self.numbers.whole(one) for one in (self.items(shape) if is_tuple else [shape])]
-        return Value(ArrayKind(kind.element, len(lengths)), (begin, *(length.register for length in lengths)))
+        return TypedValue(ArrayKind(kind.element, len(lengths)), (begin, *(length.register for length in lengths)))
 
-    def _called(self, what: Deferred, given: list[Value | Known]) -> Value:
+    def _called(self, what: Deferred, given: list[TypedValue | Known]) -> TypedValue:
         values = [self.value(one) for one in given]
         callee = self.module.callee(what, tuple(lasting(value.kind, 0) for value in values))
         result_kind = lasting(callee.result, max((made(value.kind) for value in values), default=0))
@@ -452,7 +457,7 @@ class Expressions:
             self.writer.branch(self.writer.value(f"icmp ne i32 {code}, 0"), "exit", going_on)
             self.writer.begin(going_on)
         if len(types) < 2:
-            return Value(result_kind, (result,) if types else ())
+            return TypedValue(result_kind, (result,) if types else ())
         text = "{" + ", ".join(types) + "}"
         parts = (self.writer.value(f"extractvalue {text} {result}, {k}") for k in range(len(types)))
-        return Value(result_kind, tuple(parts))
+        return TypedValue(result_kind, tuple(parts))

@@ -14,7 +14,7 @@ from .grammar import LanguageError, names_set
 from .marks import Deferred
 from .numbers import literal
 from .statements import Statements, Widened
-from .values import FLOAT, TRUTH, WHOLE, Kind, PointerKind, Value, kind_of_argument, registers, typed
+from .values import FLOAT, TRUTH, WHOLE, Kind, PointerKind, TypedValue, kind_of_argument, registers, typed
 
 _DECLARED = """declare ptr @malloc(i64)
 declare ptr @calloc(i64, i64)
@@ -183,8 +183,8 @@ def _functions_in(text: str, file: str) -> tuple[set[CodeType], dict[tuple[int, 
     return codes, {(line, node.name): node for line, node in zip(begins, found, strict=True)}
 
 
-def _argument(name: str, kind: Kind) -> Value:
-    return Value(kind, tuple(f"%{name}.{k}" for k in range(len(registers(kind)))))
+def _argument(name: str, kind: Kind) -> TypedValue:
+    return TypedValue(kind, tuple(f"%{name}.{k}" for k in range(len(registers(kind)))))
 
 
 def _definition(callee: Callee, body: Statements, names: list[str], kinds: tuple[Kind, ...], is_inlined: bool) -> str:

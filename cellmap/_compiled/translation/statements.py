@@ -15,7 +15,7 @@ from .values import (
     Kind,
     Known,
     TupleKind,
-    Value,
+    TypedValue,
     items_of,
     joined,
     made,
@@ -35,7 +35,7 @@ class Statements(Expressions):
         self,
         module: Any,
         what: Deferred,
-        given: dict[str, Value],
+        given: dict[str, TypedValue],
         names: Mapping[str, int],
         kinds: dict[str, Kind],
         result: list[Kind],
@@ -68,7 +68,7 @@ class Statements(Expressions):
             self.line = statement.lineno
             getattr(self, f"_{type(statement).__name__.lower()}")(statement)
 
-    def fitted(self, value: Value | Known, kind: Kind, first: bool = False) -> Value:
+    def fitted(self, value: TypedValue | Known, kind: Kind, first: bool = False) -> TypedValue:
         """Return a value as one of the kind of a variable; `first` writes what it takes before everything else."""
         if first:
             lines, self.writer.lines, ended = self.writer.lines, self.conversions, self.writer.ended
@@ -78,7 +78,7 @@ class Statements(Expressions):
             return found
         if isinstance(kind, str):
             return self.numbers.converted(value, kind)
-        assert isinstance(value, Value)
+        assert isinstance(value, TypedValue)
         if isinstance(kind, ArrayKind):
             return self.arrays.laid_out(value, kind.layout)
         if isinstance(kind, TupleKind):
@@ -89,7 +89,7 @@ class Statements(Expressions):
     def _place(self, name: str) -> None:
         self.places[name] = [self.writer.memory(t) for t in registers(self.kinds[name])]
 
-    def _set(self, name: str, value: Value | Known) -> None:
+    def _set(self, name: str, value: TypedValue | Known) -> None:
         value = self.value(value)
         kind = value.kind
         if kind is None:
@@ -111,7 +111,7 @@ class Statements(Expressions):
                 self.writer.write(f"store {t} {register}, ptr {place}")
         self.bound.add(name)
 
-    def _assign_to(self, target: ast.expr, value: Value | Known) -> None:
+    def _assign_to(self, target: ast.expr, value: TypedValue | Known) -> None:
         if isinstance(target, ast.Name):
             self._set(target.id, value)
         elif isinstance(target, ast.Tuple):
@@ -119,8 +119,10 @@ class Statements(Expressions):
                 self._assign_to(one, item)
         elif isinstance(target, ast.Subscript):
             array, indices = self.array(target.value), self.indices(target.slice)
-            if isinstance(value, Value) and isinstance(value.kind, ArrayKind):  # it may be part of the target
-                lengths: list[Value | Known] = [Value(WHOLE, (length,)) for length in self.arrays.shape(value)]
+            if isinstance(value, TypedValue) and isinstance(value.kind, ArrayKind):  # it may be part of the target
+                lengths: list[TypedValue | Known] = [
+                    TypedValue(WHOLE, (length,)) for length in self.arrays.shape(value)
+                ]
                 source, value = value, self.allocated(lengths, value.kind.element)
                 self.arrays.assign(value, [(None, None)], source)
             self.arrays.assign(array, indices, value)
@@ -247,7 +249,7 @@ class Statements(Expressions):
             goes_on = w.value(f"select i1 {w.value(f'icmp sgt i64 {width}, 0')}, i1 {below}, i1 {above}")
         w.branch(goes_on, inside, after)
         w.begin(inside)
-        self._set(name, Value(WHOLE, (place,)))
+        self._set(name, TypedValue(WHOLE, (place,)))
         self._inside(body, again, after)
         w.begin(again)
         w.write(f"store i64 {w.value(f'add nsw i64 {place}, {width}')}, ptr {counter}")

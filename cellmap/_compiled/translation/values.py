@@ -65,7 +65,7 @@ Kind = str | ArrayKind | PointerKind | TupleKind | None
 
 
 @dataclass(frozen=True)
-class Value:
+class TypedValue:
     """A value in registers, as many as :func:`registers` tells."""
 
     kind: Kind
@@ -102,32 +102,32 @@ def registers(kind: Kind) -> tuple[str, ...]:
     return ("ptr",) + ("i64",) * (kind.ndim + strides)
 
 
-def typed(value: Value) -> list[str]:
+def typed(value: TypedValue) -> list[str]:
     """Return the registers of a value with their types, as a call hands them over."""
     return [f"{kind} {register}" for kind, register in zip(registers(value.kind), value.registers, strict=True)]
 
 
-def items_of(value: Value) -> Iterator[Value]:
+def items_of(value: TypedValue) -> Iterator[TypedValue]:
     """Return the items of a tuple."""
     assert isinstance(value.kind, TupleKind)
     begin = 0
     for kind in value.kind.items:
         end = begin + len(registers(kind))
-        yield Value(kind, value.registers[begin:end])
+        yield TypedValue(kind, value.registers[begin:end])
         begin = end
 
 
-def parts_of(value: Value) -> list[Value]:
+def parts_of(value: TypedValue) -> list[TypedValue]:
     """Return the items of a tuple, and those of tuples among them; any other value as it is."""
     return (
         [part for item in items_of(value) for part in parts_of(item)] if isinstance(value.kind, TupleKind) else [value]
     )
 
 
-def tuple_of(items: list[Value], names: tuple[str, ...] = ()) -> Value:
+def tuple_of(items: list[TypedValue], names: tuple[str, ...] = ()) -> TypedValue:
     """Return a tuple of values."""
     kind = TupleKind(tuple(item.kind for item in items), names)
-    return Value(kind, tuple(register for item in items for register in item.registers))
+    return TypedValue(kind, tuple(register for item in items for register in item.registers))
 
 
 def element_of(dtype: Any) -> str:

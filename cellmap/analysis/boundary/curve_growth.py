@@ -10,7 +10,7 @@ import numpy as np
 from ..._lib.arrays import Bools, Complexes, Floats
 from ...maps.coordinates import turns_of
 from ...maps.grid import CellGrid
-from ...maps.inverse import Step, extra_turns, preimages, preimages_along
+from ...maps.inverse import LiftedMap, extra_turns, preimages, preimages_along
 from ...maps.point_map import PointMap, follow
 from ...orbits.orbit_kinds import PeriodicOrbit
 
@@ -63,7 +63,7 @@ class Growth:
     """
 
     forward: Images | None
-    step: Step
+    step: LiftedMap
     shifts: list[Floats]
     places: list[Floats]
 
@@ -79,10 +79,10 @@ def growth_of(
     saddle = orbit.points[row]
     if inverse is not None and inverse.coordinates != point_map.coordinates:
         raise ValueError(f"inverse={inverse!r} has other coordinates than the map")
-    step = Step(exact, extra_turns(exact, saddle))
+    step = LiftedMap(exact, extra_turns(exact, saddle))
     mapping = point_map if kind == "unstable" else inverse
     if mapping is not None:
-        onward = Step(mapping, extra_turns(mapping, saddle))
+        onward = LiftedMap(mapping, extra_turns(mapping, saddle))
 
         def forward(points: Floats) -> Floats:
             for _ in range(count):

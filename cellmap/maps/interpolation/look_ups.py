@@ -9,7 +9,7 @@ import numpy as np
 
 from ..._compiled.codegen.lookup import addresses_of, lookup_kernel
 from ..._compiled.codegen.spline_sum import WIDTH
-from ..._compiled.kernels.labelling import Step, Table, find_outside
+from ..._compiled.kernels.labelling import PeriodStep, Table, find_outside
 from ..._lib.arrays import Bools, Floats, Ints
 from ..cell_table import CellTable
 from ..compiled_advance import UNKNOWN_STEP, CompiledAdvance
@@ -70,7 +70,7 @@ class LookUps(CompiledAdvance):
         )
 
     @property
-    def step(self) -> Step:
+    def step(self) -> PeriodStep:
         """Look-ups, and the steps of the exact map where that is compiled."""
         exact, table, (*_, lower, turn) = self._exact.advance, self._table, self._description
         of_exact = exact.step if isinstance(exact, CompiledAdvance) else UNKNOWN_STEP

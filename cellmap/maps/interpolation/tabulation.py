@@ -29,7 +29,7 @@ _IN_A_TILE = 2048  # images where a tile has neither to travel nor to be sealed:
 
 
 @dataclass(frozen=True, eq=False)
-class Images:
+class ExactImages:
     """Work of a tile: unwrapped images of some points of the product of axes, and the evaluations they took."""
 
     exact: PointMap
@@ -77,7 +77,7 @@ class TableTiles:
 
         evaluations = np.zeros(len(parts), np.int64)
         missing = [k for k in range(len(parts)) if file is None or not file.is_done(tiles, k, contents(k))]
-        images_of = Images(exact, axes)
+        images_of = ExactImages(exact, axes)
 
         def done(number: int) -> int:
             images, taken = images_of(parts[number])
