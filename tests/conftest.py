@@ -26,6 +26,8 @@ from cellmap._compiled.codegen.trace import parameter_record
 
 REFERENCE = Path(__file__).parent / "reference"
 
+os.environ.setdefault("MPLBACKEND", "Agg")  # figures need no screen
+
 settings.register_profile("cellmap", deadline=None, derandomize=True)
 settings.load_profile("cellmap")
 

@@ -24,23 +24,13 @@ import numpy as np
 import psutil
 import pytest
 
-from cellmap import (
-    Basins,
-    CellGrid,
-    ForcedSystem,
-    PointMap,
-    discrete_map,
-    find_basins,
-    interpolated_map,
-    load_basins,
-    save_basins,
-    set_threads,
-    stroboscopic_map,
-)
+from cellmap import Basins, CellGrid, ForcedSystem, PointMap, discrete_map, find_basins, interpolated_map, set_threads
 from cellmap._compiled.codegen.lookup import lookup_kernel
 from cellmap._compiled.codegen.period import compiled_advance
 from cellmap._compiled.machine_code import machine_code
 from cellmap._lib.memory import give_back_memory
+from cellmap.basins import load_basins, save_basins
+from cellmap.maps import stroboscopic_map
 
 WINDOW = CellGrid((-1.5, -1.0), (1.5, 1.05), (190, 180))  # three tiles
 SMALL = CellGrid((-1.5, -1.0), (1.5, 1.05), (60, 50))
@@ -87,9 +77,6 @@ def double_well() -> PointMap:
     return wells()
 
 
-# --- killed at any moment
-
-
 def run_with_files(maps: tuple[PointMap, PointMap], folder: Path | None) -> tuple[Any, Basins, Basins]:
     """A table, basins in one pass, and basins in several; with files that a run can go on from."""
     names = [folder / f"{k}.h5" for k in range(3)] if folder else [None] * 3
@@ -128,23 +115,12 @@ def killed_at_random(kills: int) -> None:
     print("killed", died)
 
 
-def kill(times: int) -> None:
+@pytest.mark.parametrize("times", [3, pytest.param(47, marks=pytest.mark.thorough)])
+def test_killed_at_random_moments(times: int) -> None:
     program = "import sys; sys.path.insert(0, sys.argv[1]); import test_promises as t; t.killed_at_random({})"
     command = [sys.executable, "-c", program.format(times), str(Path(__file__).parent)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=600)
     assert (done.returncode, done.stdout.split()) == (0, ["killed", str(times)]), done.stderr
-
-
-def test_killed_at_random_moments() -> None:
-    kill(3)
-
-
-@pytest.mark.slow
-def test_killed_at_very_many_random_moments() -> None:
-    kill(47)
-
-
-# --- the same bits
 
 
 @pytest.mark.parametrize("make", [wells, duffing])
@@ -160,12 +136,11 @@ def test_bits_of_tables_and_basins_do_not_depend_on_threads(make) -> None:
         assert coefficients == results[0][2]
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_bits_do_not_depend_on_how_initial_conditions_are_split(seed, double_well) -> None:
+def test_bits_do_not_depend_on_how_initial_conditions_are_split(double_well) -> None:
     initial_conditions = WINDOW.centres().reshape(-1, 2)
     table = interpolated_map(double_well, TABLE, outside="integrate", tolerance=1e6)
     whole = find_basins(table, initial_conditions)
-    cuts = np.sort(np.random.default_rng(seed).choice(len(initial_conditions), 6, replace=False))
+    cuts = np.sort(np.random.default_rng(0).choice(len(initial_conditions), 6, replace=False))
     parts = [find_basins(table, part, attractors=whole.attractors) for part in np.split(initial_conditions, cuts)]
     assert np.array_equal(np.concatenate([p.labels for p in parts]), whole.labels)
     assert np.array_equal(np.concatenate([p.settling_time for p in parts]), whole.settling_time)
@@ -191,9 +166,6 @@ def test_bits_do_not_depend_on_the_cache_of_compiled_code(tmp_path, monkeypatch)
     assert len(kept[1]) >= 2
     assert kept[1].keys() == kept[2].keys()
     assert kept[3] == kept[1], "the last run compiled nothing"
-
-
-# --- disks that are full, or that cannot be written to
 
 
 def writers(point_map: PointMap, basins: Basins, folder: Path) -> dict[str, Any]:
@@ -268,17 +240,13 @@ def read_only(basins_of) -> Iterator[Path]:
     shutil.rmtree(folder)
 
 
-@pytest.mark.parametrize("writer", ["saved.h5", "found.h5", "table.h5"])
-def test_a_folder_that_cannot_be_written_to(writer, double_well, basins_of, read_only) -> None:
-    call = writers(double_well, basins_of, read_only)[writer]
-    with somebody_else():
-        with pytest.raises(PermissionError, match=writer):
-            call()
-        assert_same(load_basins(read_only / "basins.h5"), basins_of)
-    assert [p.name for p in read_only.iterdir()] == ["basins.h5"]
-
-
-# --- repetitions
+def test_a_folder_that_cannot_be_written_to(double_well, basins_of, read_only) -> None:
+    for writer, call in writers(double_well, basins_of, read_only).items():
+        with somebody_else():
+            with pytest.raises(PermissionError, match=writer):
+                call()
+            assert_same(load_basins(read_only / "basins.h5"), basins_of)
+        assert [p.name for p in read_only.iterdir()] == ["basins.h5"]
 
 
 def test_repetitions_leave_nothing_behind(double_well, basins_of) -> None:

@@ -58,7 +58,7 @@ def test_numbers_of_the_report_are_those_of_an_independent_program():
         assert same, f"{name} = {value:.15g} is not on the page"
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_counts_of_cells_are_those_of_an_independent_program():
     assert program("report_numbers").basin_counts("pendulum_3mm") == [32896, 7104]
     assert program("report_numbers").basin_counts("pendulum_3mm_wide") == [25484, 6152, 4182, 4182]

@@ -1,4 +1,4 @@
-"""README, pages and code use the words of the field: no private words for standard things, no pages without the terms.
+"""README, pages, code and its names use the words of the field: no private words, no pages without the terms.
 
 Only prose is read: of pages everything but code blocks, inline code, formulas, link targets and comments; of code
 docstrings without examples, names of arguments and references, comments, and strings with a blank. Another source of
@@ -7,6 +7,7 @@ text is a further function of `SOURCES`.
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -120,11 +121,9 @@ DIALECT = {
     r"(?:an?|any|each|every|given|no|one|random|single|some|that|undecided|which) start": "initial condition",
     r"start (?:that|is|which|whose)": "initial condition",
     r"pictures?": "basin image, figure",
-    r"(?:an?|the|its|their|this|each|by|large|small) shares?": "fraction",
-    r"shares? (?:of|that|is|are)": "fraction",
-    r"shared out": "fraction",
+    r"(?:an?|the|its|their|this|each|by|large|small) shares?|shares? (?:of|that|is|are)|shared out": "fraction",
     r"tabulat\w+": "interpolated map, interpolation grid",
-    r"(?:coarse|coarser|fine|finer|larger|smaller|without an?|under an?) tables?": "interpolation grid",
+    r"(?:(?:coars|fin)er?|larger|smaller|without an?|under an?) tables?": "interpolation grid",
     r"tables? of (?:order|\d+|such)": "interpolation grid",
     r"rough cells?": "fallback cell",
     r"left to the exact map": "evaluated with the exact map",
@@ -132,13 +131,10 @@ DIALECT = {
     r"leaps?": "multi-period step",
     r"(?:one|its|their|whole|half|full|each|quarter of a|number of|in|\d+) turns": "full rotations",
     r"(?:an?|one|its|their|whole|half a|full|each|mean) turn": "period of the angle, full rotation",
-    r"seams?": "branch cut",
-    r"circle is cut": "branch cut",
+    r"seams?|circle is cut": "branch cut",
     r"(?:one|an?|each|every|two) rounds?": "period, monodromy matrix",
-    r"angles?,? and (?:the )?rates?": "angular velocity",
-    r"all rates|both rates": "angular velocities",
-    r"rest states?": "equilibrium",
-    r"stands? still": "equilibrium, fixed point",
+    r"angles?,? and (?:the )?rates?|all rates|both rates": "angular velocity",
+    r"rest states?|stands? still": "equilibrium, fixed point",
     r"(?:go|goes|going|went) round": "rotating (running) solution",
     r"right-hand sides? that (?:jumps?|branch(?:es)?)": "discontinuous (Filippov) right-hand side",
     r"sets? of equilibria": "sticking set, continuum of equilibria",
@@ -151,39 +147,43 @@ DIALECT = {
     r"what bounds": "basin boundary",
     r"what a (?:state in a )?basin withstands": "resilience",
     r"parameters in lanes": "vectorised parameter sweep",
-    r"made again": "recomputed, rebuilt",
-    r"anew": "recomputed, rebuilt",
+    r"made again|anew": "recomputed, rebuilt",
     r"t(?:ell|old) apart": "distinguish",
     r"belongs? into": "is declared in",
     r"just so": "in the same way",
     r"to be had": "can be reached",
-    r"(?:it|that|would) pays?": "worthwhile",
-    r"worth while": "worthwhile",
+    r"(?:it|that|would) pays?|worth while": "worthwhile",
     r"numbers of the machine|machine numbers": "double precision",
 }
 """Private words, as regular expressions in which a blank is any white space, and the words of the field."""
 
 TERMS = {
-    "initial condition": "README.md",
-    "limit cycle": "README.md",
-    "Poincaré": "docs/index.md",
-    "monodromy matrix": "docs/how-it-works.md",
-    "Floquet multipliers": "docs/bifurcations.md",
-    "hysteresis": "docs/bifurcations.md",
-    "saddle-node": "docs/bifurcations.md",
-    "bistability": "docs/bifurcations.md",
-    "period doubling": "docs/bifurcations.md",
-    "autonomous": "docs/set-oriented.md",
-    "Poincaré section": "docs/integration.md",
-    "Multistability": "docs/own-system.md",
-    "Filippov": "docs/discontinuous.md",
-    "sliding mode": "docs/discontinuous.md",
-    "edge state": "docs/analysis.md",
-    "chaotic saddle": "docs/analysis.md",
-    "trapping region": "docs/how-it-works.md",
-    "fallback cell": "docs/own-system.md",
+    "README.md": ("initial condition", "limit cycle"),
+    "docs/analysis.md": ("edge state", "chaotic saddle"),
+    "docs/bifurcations.md": ("Floquet multipliers", "hysteresis", "saddle-node", "bistability", "period doubling"),
+    "docs/discontinuous.md": ("Filippov", "sliding mode"),
+    "docs/how-it-works.md": ("monodromy matrix", "trapping region"),
+    "docs/index.md": ("Poincaré",),
+    "docs/integration.md": ("Poincaré section",),
+    "docs/own-system.md": ("Multistability", "fallback cell"),
+    "docs/set-oriented.md": ("autonomous",),
 }
-"""Terms for which readers search, and a page that must answer."""
+"""Pages, and terms for which readers search that each must answer."""
+
+NAMES = {
+    "starts": "initial_conditions",
+    "picture": "image, figure",
+    "pictures": "images, figures",
+    "leap": "max_step, multi_period_step",
+    "leaps": "multi_period_steps",
+    "seam": "branch_cut",
+    "seams": "branch_cuts",
+    "shares": "fractions",
+    "tabulated": "interpolated",
+    "polish": "refinement",
+    "anew": "again",
+}
+"""Private words that no name of a function, a class, an argument or a variable has between its underscores."""
 
 
 def compiled(pattern: str) -> re.Pattern[str]:
@@ -208,47 +208,29 @@ def test_the_words_are_those_of_the_field(source):
     assert not found, "\n".join(found)
 
 
-@pytest.mark.parametrize("term", TERMS)
-def test_a_search_for_a_term_finds_its_page(term):
-    prose = " ".join(prose_of((ROOT / TERMS[term]).read_text(encoding="utf-8")).split())
-    assert term in prose
+def test_a_search_for_a_term_finds_its_page():
+    for page, terms in TERMS.items():
+        prose = " ".join(prose_of((ROOT / page).read_text(encoding="utf-8")).split())
+        assert not [term for term in terms if term not in prose], page
 
 
-@pytest.mark.parametrize(
-    "sentence",
-    [
-        "Random starts\nare integrated.",
-        "It labels each start.",
-        "A picture of 500 cells.",
-        "The share of the window.",
-        "Angles are kept in one turn.",
-        "All of these are in whole turns.",
-        "The orbit left\nthe table.",
-        "An orbit takes the longest leap.",
-        "A motion that goes\nround and round.",
-        "Right-hand sides that jump",
-        "It is made anew.",
-    ],
+PRIVATE = """Random starts are integrated.  It labels each start.  A picture of 500 cells.  The share of the window.
+Angles are kept in one turn.  All of these are in whole turns.  The orbit left the table.  An orbit takes the longest
+leap.  A motion that goes round and round.  Right-hand sides that jump.  It is made anew."""
+OTHER = (
+    "This page starts from diagrams; to start again, see the start of the page.",
+    "Both lanes share a step, and the branch turns back; orbits visit the points in turn.",
+    "The table below shows a rough floor.",
+    "Use `leap=8` and `initial_conditions`, {func}`~cellmap.share` or [this](a.md#one-turn).",
+    "```text\nthe picture\n```\n\n    a picture\n\n<!-- a picture -->\n$a turn$ and",
 )
-def test_private_words_are_found(sentence):
-    assert list(findings(Text("a page", prose_of(sentence))))
 
 
-@pytest.mark.parametrize(
-    "sentence",
-    [
-        "This page starts from diagrams; to start again, see the start of the page.",
-        "Both lanes share a step, and the branch turns back; orbits visit the points in turn.",
-        "The table below shows a rough floor.",
-        "Use `leap=8` and `initial_conditions`, {func}`~cellmap.share` or [this](a.md#one-turn).",
-        "```text\nthe picture\n```\n\n    a picture\n\n<!-- a picture -->\n$a turn$ and",
-    ],
-)
-def test_other_uses_of_a_word_are_not(sentence):
-    assert not list(findings(Text("a page", prose_of(sentence))))
-
-
-def test_line_numbers_are_those_of_the_file():
+def test_private_words_are_found_and_other_uses_of_a_word_are_not():
+    for sentence in " ".join(PRIVATE.split()).split(". "):
+        for written in (sentence, sentence.replace(" ", "\n")):
+            assert list(findings(Text("a page", prose_of(written)))), sentence
+    assert not [sentence for sentence in OTHER if list(findings(Text("a page", prose_of(sentence))))]
     (finding,) = findings(Text("a page", prose_of("```py\nx = 1\n```\n\nSome text\nand a picture\n")))
     assert (finding.line, finding.found) == (6, "picture")
 
@@ -301,3 +283,37 @@ def test_all_packages_are_read():
     for package in PACKAGES:
         assert f"{package}/__init__.py" in names
     assert len(names) >= 350
+
+
+def names_in(source: str) -> Iterator[tuple[str, int]]:
+    """Names that code gives to functions, classes, arguments and variables, each with its line."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            yield node.name, node.lineno
+        elif isinstance(node, ast.arg):
+            yield node.arg, node.lineno
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id, node.lineno
+
+
+def private_names(source: str) -> Iterator[tuple[str, int, str]]:
+    if not re.search("|".join(NAMES), source.lower()):  # faster than to parse
+        return
+    for name, line in names_in(source):
+        for word in {*name.lower().split("_")} & NAMES.keys():
+            yield name, line, NAMES[word]
+
+
+def test_the_names_are_those_of_the_field():
+    found = [
+        f"{path.relative_to(ROOT).as_posix()}:{line}: {name}; write {instead}"
+        for package in (*PACKAGES, "tests", "docs")
+        for path in sorted((ROOT / package).rglob("*.py"))
+        for name, line, instead in private_names(path.read_text(encoding="utf-8"))
+    ]
+    assert not found, "\n".join(found)
+
+
+def test_private_names_are_found():
+    source = "def draw_picture(starts):\n    class Leap:\n        seam = starts.polish\n    _start = 1\n"
+    assert sorted(name for name, _, _ in private_names(source)) == ["Leap", "draw_picture", "seam", "starts"]

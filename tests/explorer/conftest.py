@@ -17,6 +17,13 @@ def explorer() -> Iterator[Explorer]:
         yield running
 
 
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Explorer]:
+    """One that others may watch."""
+    with serve(GALLERY, open_page=False, watchers=2, host="127.0.0.1") as running:
+        yield running
+
+
 @pytest.fixture
 def page(explorer: Explorer) -> Iterator[Page]:
     with connected(explorer) as there:

@@ -71,6 +71,7 @@ class Page:
         return {**facts, "data": data}
 
     def ask(self, kind: str, **fields: Any) -> dict[str, Any]:
+        """Ask, and draw what comes before the answer."""
         request = self.send(kind, **fields)
         while True:
             answer = self.receive()
@@ -79,25 +80,24 @@ class Page:
             elif answer["request"] == request:
                 return answer
 
+    def refused(self, kind: str, message: str, **fields: Any) -> None:
+        """Ask for something that is answered with a message."""
+        assert message in self.ask(kind, **fields)["message"]
+
     def image(self, **view: Any) -> tuple[dict[str, Any], NDArray[np.int64]]:
         """Ask for a view and return its complete frame, with the numbers of its pixels."""
         request = self.send("view", view=view)
-        while True:
-            frame = self.receive()
-            assert frame["type"] == "frame", frame
-            self.socket.send(json.dumps({"type": "drawn", "frame": frame["frame"]}))
-            if frame["request"] == request and frame["complete"]:
-                return frame, numbers_of(frame)
+        frame = self.frames(lambda facts: facts["request"] == request and facts["complete"])[-1]
+        return frame, numbers_of(frame)
 
-
-def frames_until(page: Page, last: Callable[[dict[str, Any]], bool]) -> list[dict[str, Any]]:
-    """Receive frames until one is the last of interest."""
-    frames: list[dict[str, Any]] = []
-    while not frames or not last(frames[-1]):
-        frames.append(page.receive())
-        assert frames[-1]["type"] == "frame", frames[-1]
-        page.send("drawn", frame=frames[-1]["frame"])
-    return frames
+    def frames(self, last: Callable[[dict[str, Any]], bool]) -> list[dict[str, Any]]:
+        """Receive frames until one is the last of interest."""
+        frames: list[dict[str, Any]] = []
+        while not frames or not last(frames[-1]):
+            frames.append(self.receive())
+            assert frames[-1]["type"] == "frame", frames[-1]
+            self.socket.send(json.dumps({"type": "drawn", "frame": frames[-1]["frame"]}))
+        return frames
 
 
 def numbers_of(frame: dict[str, Any]) -> NDArray[np.int64]:

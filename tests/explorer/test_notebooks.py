@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser_pages import LOG, PROGRAM
-from playwright.sync_api import sync_playwright
+from browser_pages import LOG, launched
 from served_pages import GALLERY, WELLS, WINDOW, assert_same_image, numbers_of, upright
 
 from cellmap import find_basins
@@ -35,10 +34,13 @@ def sent() -> Sent:
 
 @pytest.fixture
 def channels(sent: Sent) -> Iterator[Channels]:
+    before = threading.active_count()
     made = Channels({e.name: e for e in GALLERY}, lambda message, data: sent.put((message, data)))
     yield made
     made.close()
+    made.close()
     assert not made._thread.is_alive()
+    assert threading.active_count() <= before + 1
 
 
 def test_sessions_have_their_own_messages(channels: Channels, sent: Sent) -> None:
@@ -73,16 +75,6 @@ def test_garbage_and_too_many_pages(channels: Channels, sent: Sent) -> None:
     assert sum("close one of them" in answer.get("closed", "") for answer in answers) == 1
 
 
-def test_the_threads_end_with_the_pages(sent: Sent) -> None:
-    before = threading.active_count()
-    channels = Channels({e.name: e for e in GALLERY}, lambda message, data: sent.put((message, data)))
-    channels.receive({"page": "a", "opened": True})
-    sent.get(timeout=10)
-    channels.close()
-    channels.close()
-    assert threading.active_count() <= before + 1
-
-
 def test_the_page_of_one_file_asks_for_no_other() -> None:
     alone = {"watch.js", "family.js"}  # each is the first module of another page
     for page, others in ((page_of_one_file(), alone), (page_of_one_file("family.html"), {"main.js", "watch.js"})):
@@ -113,11 +105,10 @@ window.deliver = (message, data) => {
 """
 
 
-@pytest.mark.skipif(PROGRAM is None, reason="no Chromium on this machine: install one, or name it in CELLMAP_BROWSER")
+@pytest.mark.thorough
 def test_the_page_in_a_frame_of_a_notebook(channels: Channels, sent: Sent) -> None:
     """A host with the interface of anywidget; what the canvas shows is what the library finds."""
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=PROGRAM, args=["--no-sandbox"])
+    with launched() as browser:
         page = browser.new_page()
         said: list[str] = []
         page.on("console", lambda message: said.append(message.text) if message.type in ("error", "warning") else None)
@@ -155,7 +146,6 @@ def test_the_page_in_a_frame_of_a_notebook(channels: Channels, sent: Sent) -> No
         page.evaluate("leave()")
         assert page.evaluate("handlers.size") == 0
         assert said == []
-        browser.close()
 
 
 def test_without_anywidget_the_call_says_what_to_install() -> None:

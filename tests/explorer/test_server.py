@@ -62,13 +62,10 @@ def test_a_scene_has_the_parts_that_are_switched_on(page: Page) -> None:
     frame, numbers = page.image()
     pushed = discrete_map(push, {"keep": 0.7, "push": 0.5}, ("x", "v"))
     assert_same_image(frame, numbers, find_basins(pushed, WINDOW), upright)
-    for parts, message in (
-        (["push"], "'push' is no body: begin with one of light, heavy"),
-        (["light", "fog"], "no effect 'fog': take some of push"),
-        ([], "give the name of a body"),
-        ("light", "give the name of a body"),
-    ):
-        assert message in page.ask("system", name="parts", parts=parts)["message"]
+    page.refused("system", "'push' is no body: begin with one of light, heavy", name="parts", parts=["push"])
+    page.refused("system", "no effect 'fog': take some of push", name="parts", parts=["light", "fog"])
+    for parts in ([], "light"):
+        page.refused("system", "give the name of a body", name="parts", parts=parts)
 
 
 def test_a_map_of_one_coordinate_is_a_strip(page: Page) -> None:
@@ -104,29 +101,17 @@ def test_the_script_computes_the_image_again_to_the_bit(page: Page, capsys: pyte
     assert sum(a["fraction"] for a in frame["attractors"]) == pytest.approx(1.0)
 
 
-def test_the_file_is_one_of_basins(page: Page, tmp_path: Any) -> None:
+def test_files_are_of_basins_and_have_the_labels(page: Page, tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     frame, numbers = page.image()
-    file = page.ask("hdf5")
-    (tmp_path / file["name"]).write_bytes(file["data"])
-    assert_same_image(frame, numbers, load_basins(tmp_path / file["name"]), upright)
-
-
-def test_the_netcdf_file_has_the_labels(page: Page, tmp_path: Any) -> None:
-    page.image()
     image, file = page.ask("hdf5"), page.ask("netcdf")
     for one in (image, file):
         (tmp_path / one["name"]).write_bytes(one["data"])
+    basins = load_basins(tmp_path / image["name"])
+    assert_same_image(frame, numbers, basins, upright)
     with xarray.open_datatree(tmp_path / file["name"], engine="h5netcdf") as tree:
-        np.testing.assert_array_equal(tree["labels"], load_basins(tmp_path / image["name"]).labels)
-
-
-def test_without_xarray_the_page_is_told_what_to_install(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
-    page.image()
+        np.testing.assert_array_equal(tree["labels"], basins.labels)
     monkeypatch.setitem(sys.modules, "xarray", None)
-    assert "pip install 'cellmap-dynamics[xarray]'" in page.ask("netcdf")["message"]
-
-
-# --- the newest view wins
+    page.refused("netcdf", "pip install 'cellmap-dynamics[xarray]'")
 
 
 def test_at_most_two_frames_are_under_way_and_the_last_view_comes_to_its_end(page: Page) -> None:
@@ -139,9 +124,7 @@ def test_at_most_two_frames_are_under_way_and_the_last_view_comes_to_its_end(pag
     assert len(frames) == 2
     for frame in frames:
         page.send("drawn", frame=frame["frame"])
-    while not (frames[-1]["request"] == last and frames[-1]["complete"]):
-        frames.append(page.receive())
-        page.send("drawn", frame=frames[-1]["frame"])
+    frames += page.frames(lambda facts: facts["request"] == last and facts["complete"])
     assert len(frames) < 40, "views in between are left out"
     requests = [frame["request"] for frame in frames]
     assert requests == sorted(requests)
@@ -154,10 +137,7 @@ def test_a_newer_view_ends_the_image_before(page: Page) -> None:
     frame = page.receive()
     page.send("drawn", frame=frame["frame"])
     wanted = page.send("view", view={"params": {"keep": 0.7}})
-    frames = [frame]
-    while not (frames[-1]["request"] == wanted and frames[-1]["complete"]):
-        frames.append(page.receive())
-        page.send("drawn", frame=frames[-1]["frame"])
+    frames = [frame, *page.frames(lambda facts: facts["request"] == wanted and facts["complete"])]
     assert not any(f["complete"] for f in frames if f["request"] != wanted)
 
 
@@ -209,8 +189,7 @@ def test_a_diagram_follows_the_attractors(page: Page) -> None:
         (attractor,) = (a for a in frame["attractors"] if a["identity"] == identity)
         assert np.abs(branch - attractor["points"][0]).max() < 1e-5
     assert "give a range around the present value" not in str(found)
-    wrong = page.ask("diagram", parameter="mass", lower=0.4, upper=0.7)
-    assert wrong["message"].startswith("parameter='mass'")
+    page.refused("diagram", "parameter='mass'", parameter="mass", lower=0.4, upper=0.7)
 
 
 def test_stability_over_two_parameters(page: Page) -> None:
@@ -230,11 +209,14 @@ def test_stability_over_two_parameters(page: Page) -> None:
         ({"y": {"parameter": "a", "lower": 2, "upper": 1}}, "y: lower=2, upper=1"),
         ({"y": axes["x"]}, "y has the parameter 'c' of x"),
     ):
-        assert message in page.ask("stability", **{**axes, **wrong})["message"]
+        page.refused("stability", message, **{**axes, **wrong})
 
 
 def test_the_boundary_is_the_stable_manifold_of_the_saddle(page: Page) -> None:
-    """The origin: its multipliers are the roots of z^2 - 1.8 z + 0.6.  Pixels around each point of the curve differ."""
+    """The origin: its multipliers are the roots of z^2 - 1.8 z + 0.6.  Pixels around each point of the curve differ.
+
+    Both manifolds leave it along eigenvectors of its Jacobian; the unstable one leads to the attractors.
+    """
     _, numbers = page.image(cells=[300, 300])
     found = page.ask("saddles", longest_period=1)
     (saddle,) = found["saddles"]
@@ -243,29 +225,33 @@ def test_the_boundary_is_the_stable_manifold_of_the_saddle(page: Page) -> None:
     points = np.frombuffer(found["data"], "<f4").reshape(-1, 2)
     (stable,), (unstable,) = found["lengths"]["stable"], found["lengths"]["unstable"]
     assert len(points) == stable + unstable
+    values, vectors = np.linalg.eig([[1.2, 0.6], [0.2, 0.6]])
+    for part, k in ((points[:stable], values.argmin()), (points[stable:], values.argmax())):
+        near = part[(np.abs(part) < 0.02).all(axis=1) & (np.abs(part) > 1e-4).any(axis=1)].astype(float)
+        assert len(near) > 4
+        assert np.abs(near @ np.array([-vectors[1, k], vectors[0, k]])).max() < 1e-3
+    ends = points[stable:][~np.isnan(points[stable:, 0])]
+    for x in (-1.0, 1.0):
+        assert np.hypot(ends[:, 0] - x, ends[:, 1]).min() < 0.02
     points = points[:stable]
     columns, rows = ((points - [-2, -1.5]) / [4, 3] * 300 // 1).T
     inside = (columns > 0) & (columns < 299) & (rows > 0) & (rows < 299)  # none where a curve is interrupted
     assert inside.sum() > 300
     for i, j in zip(columns[inside].astype(int), 299 - rows[inside].astype(int), strict=True):
         assert len(np.unique(numbers[j - 1 : j + 2, i - 1 : i + 2])) == 2
-    assert "longest_period=9" in page.ask("saddles", longest_period=9)["message"]
+    page.refused("saddles", "longest_period=9", longest_period=9)
     page.ask("system", name="line")
     page.image(cells=[80])
-    assert "two coordinates only" in page.ask("saddles")["message"]
+    page.refused("saddles", "two coordinates only")
+    page.refused("certify", "certificates are for maps of two coordinates")
 
 
-def film_of(page: Page, **asked: Any) -> dict[str, Any]:
-    request = page.send("film", view={}, parameter="keep", lower=0.5, upper=0.7, **asked)
-    while (answer := page.receive())["type"] == "frame":
-        page.send("drawn", frame=answer["frame"])
-    assert answer["request"] == request
-    return answer
+FILM = {"view": {}, "parameter": "keep", "lower": 0.5, "upper": 0.7, "stills": 3}
 
 
 def test_a_film_has_the_images_of_its_values(page: Page) -> None:
     palette = np.random.default_rng(0).integers(0, 256, (32, 3)).tolist()
-    answer = film_of(page, stills=3, palette=palette)
+    answer = page.ask("film", **FILM, palette=palette)
     assert (answer["type"], answer["name"]) == ("film", "basins.gif")
     with Image.open(io.BytesIO(answer["data"])) as film:
         assert film.n_frames == 3
@@ -274,15 +260,18 @@ def test_a_film_has_the_images_of_its_values(page: Page) -> None:
     _, numbers = page.image(params={"keep": 0.7})
     assert np.array_equal(last[:48], np.array(palette)[numbers - LOWEST])
     assert set(np.unique(last[48:])) == {0, 255}, "black on white: the value"
-    wrong = {"view": {}, "parameter": "keep", "lower": 0, "upper": 1, "stills": 2, "palette": palette}
-    assert "palette" in page.ask("film", **{**wrong, "palette": [[300]]})["message"]
-    assert "format='mov'" in page.ask("film", **{**wrong, "format": "mov"})["message"]
+    page.refused("film", "palette", **FILM, palette=[[300]])
+    page.refused("film", "format='mov'", **FILM, palette=palette, format="mov")
+    page.refused("film", "films go along one parameter", **FILM, across={"parameter": "keep"})
+    html = page.ask("film", **{**FILM, "view": {"params": {"keep": 0.6}}}, palette=palette, format="html")
+    assert html["media"] == "text/html"
+    assert b'id="family"' in html["data"]
 
 
 def test_a_video_has_the_images_of_its_values(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
     """H.264 keeps colours to some parts in 255, away from edges; the image is enlarged to 512 pixels."""
     palette = [[40 + 6 * k, 200 - 5 * k, 3 * k] for k in range(32)]
-    answer = film_of(page, stills=3, palette=palette, format="mp4")
+    answer = page.ask("film", **FILM, palette=palette, format="mp4")
     assert (answer["name"], answer["media"]) == ("basins.mp4", "video/mp4")
     with av.open(io.BytesIO(answer["data"])) as film:
         frames = [frame.to_ndarray(format="rgb24").astype(int) for frame in film.decode(video=0)]
@@ -292,7 +281,7 @@ def test_a_video_has_the_images_of_its_values(page: Page, monkeypatch: pytest.Mo
     shown = frames[-1][: 48 * 8].reshape(48, 8, 64, 8, 3)[:, 2:6, :, 2:6].mean(axis=(1, 3))
     assert np.quantile(np.abs(shown - np.array(palette)[numbers - LOWEST]).max(axis=-1), 0.97) < 6
     monkeypatch.setattr("cellmap.explorer.films.find_spec", lambda _: None)
-    assert "pip install 'cellmap-dynamics[video]'" in film_of(page, stills=3, palette=palette, format="mp4")["message"]
+    page.refused("film", "pip install 'cellmap-dynamics[video]'", **FILM, palette=palette, format="mp4")
 
 
 def test_measures_and_certificates_are_the_librarys(page: Page) -> None:
@@ -305,9 +294,6 @@ def test_measures_and_certificates_are_the_librarys(page: Page) -> None:
     assert found["boundary basin entropy"]["error"] == pytest.approx(entropy.boundary_error)
     assert found["boundary dimension"]["value"] == pytest.approx(dimension.fit.slope)
     assert len(found["uncertainty exponent"]["fit"]["x"]) > 3
-    page.ask("system", name="line")
-    page.image(cells=[80])
-    assert "certificates are for maps of two coordinates" in page.ask("certify")["message"]
     page.ask("system", name="duffing")
     page.image(cells=[40, 30])
     told = page.ask("certify")

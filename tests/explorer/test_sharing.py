@@ -6,12 +6,10 @@ import contextlib
 import http.client
 import json
 import zlib
-from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
-from served_pages import GALLERY, WELLS, WINDOW, Page, assert_same_image, connected, numbers_of, upright
+from served_pages import GALLERY, WELLS, WINDOW, assert_same_image, connected, numbers_of, upright
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -23,12 +21,6 @@ from cellmap.explorer.serving import serve
 from cellmap.explorer.views import load_views
 
 SYSTEMS = {e.name: e for e in GALLERY}
-
-
-@pytest.fixture(scope="module")
-def shared() -> Iterator[Explorer]:
-    with serve(GALLERY, open_page=False, watchers=2, host="127.0.0.1") as running:
-        yield running
 
 
 def watching(explorer: Explorer, **options: object) -> connect:  # type: ignore[valid-type]
@@ -133,54 +125,3 @@ def test_the_lecture_of_the_pages_can_be_shown() -> None:
     views = load_views(Path(__file__).parents[2] / "docs" / "lecture.toml", {e.name: e for e in ALL})
     assert len(views) == 10
     assert all(view["title"] and view["sentence"] for view in views)
-
-
-def test_manifolds_of_both_kinds_leave_the_saddle_along_its_directions() -> None:
-    """The saddle (0, 0) of the wells: eigenvectors of its Jacobian; unstable branches lead to the attractors."""
-    with serve(GALLERY, open_page=False) as running, connected(running) as page:
-        page.image(params={"keep": 0.6})
-        answer = page.ask("saddles", longest_period=1)
-    points = np.frombuffer(answer["data"], "<f4").reshape(-1, 2)
-    (stable,), (unstable,) = answer["lengths"]["stable"], answer["lengths"]["unstable"]
-    assert stable + unstable == len(points)
-    values, vectors = np.linalg.eig([[1.2, 0.6], [0.2, 0.6]])
-    for part, direction in (
-        (points[:stable], vectors[:, values.argmin()]),
-        (points[stable:], vectors[:, values.argmax()]),
-    ):
-        near = part[(np.abs(part) < 0.02).all(axis=1) & (np.abs(part) > 1e-4).any(axis=1)].astype(float)
-        assert len(near) > 4
-        across = near @ np.array([-direction[1], direction[0]])
-        assert np.abs(across).max() < 1e-3
-    ends = points[stable:][~np.isnan(points[stable:, 0])]
-    for x in (-1.0, 1.0):
-        assert np.hypot(ends[:, 0] - x, ends[:, 1]).min() < 0.02
-
-
-def test_page_of_the_wells(shared: Explorer) -> None:
-    """A family over two parameters, asked for as a film, is sent as one file."""
-    with connected(shared) as page:
-        request = page.send(
-            "film",
-            view={"params": {"keep": 0.6}},
-            parameter="keep",
-            lower=0.5,
-            upper=0.7,
-            stills=4,
-            format="html",
-            palette=[[0, 0, 0]] * 16,
-        )
-        answer = finished(page, request)
-        assert answer["media"] == "text/html"
-        assert b'id="family"' in answer["data"]
-        told = page.ask("film", view={}, parameter="keep", lower=0.5, upper=0.7, stills=4, across={"parameter": "keep"})
-        assert "films go along one parameter" in told["message"]
-
-
-def finished(page: Page, request: int) -> dict[str, object]:
-    while True:
-        answer = page.receive()
-        if answer["type"] == "frame":
-            page.send("drawn", frame=answer["frame"])
-        elif answer["request"] == request:
-            return answer

@@ -5,55 +5,40 @@ from __future__ import annotations
 import itertools
 import re
 from dataclasses import replace
-from math import pi, sin
+from math import pi, sin, tanh
 
-import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from legends import legend_of
 from matplotlib.colors import to_rgb
 from PIL import Image
 
 import systems
-from cellmap import (
-    Basins,
-    CellGrid,
-    Coordinate,
-    Label,
-    angle,
-    bifurcation_diagram,
-    discrete_map,
-    find_basins,
-    interpolated_map,
-    plot,
-    stroboscopic_map,
-)
+from cellmap import Basins, CellGrid, Label, angle, discrete_map, find_basins, interpolated_map, plot, stroboscopic_map
 from cellmap.analysis.resilience import basin_stability
+from cellmap.bifurcations import bifurcation_diagram
+from cellmap.maps import Coordinate
 from cellmap.plot._axes import multiple_of_pi
 from cellmap.plot._colours import CODE_COLOURS, COLOURS, label_colours
 
-mpl.use("Agg")
-import matplotlib.pyplot as plt
-from legends import legend_of
+EXACT = stroboscopic_map(systems.driven_pendulum())
 
 
 @pytest.fixture(scope="module")
 def pendulum() -> Basins:
-    exact = stroboscopic_map(systems.driven_pendulum())
-    return find_basins(exact, CellGrid((-pi, -500.0), (pi, 500.0), (40, 30)))
+    return find_basins(EXACT, CellGrid((-pi, -500.0), (pi, 500.0), (40, 30)))
 
 
 @pytest.fixture(scope="module")
 def lost() -> Basins:
-    exact = stroboscopic_map(systems.driven_pendulum())
-    icm = interpolated_map(exact, CellGrid((-pi, -100.0), (pi, 100.0), (64, 64)), outside="escape")
+    icm = interpolated_map(EXACT, CellGrid((-pi, -100.0), (pi, 100.0), (64, 64)), outside="escape")
     return find_basins(icm, CellGrid((-pi, -100.0), (pi, 100.0), (40, 30)))
 
 
-def two_wells(shape=(6, 4), lower=(-1.0, -2.0), upper=(1.0, 2.0)) -> Basins:
-    from math import tanh
-
+def two_wells(shape=(6, 4)) -> Basins:
     exact = discrete_map(lambda x, p: (tanh(2 * x[0]), x[1] / 2), {}, (Coordinate("x", "m"), "y"), name="two wells")
-    return find_basins(exact, CellGrid(lower, upper, shape))
+    return find_basins(exact, CellGrid((-1.0, -2.0), (1.0, 2.0), shape))
 
 
 def image_of(ax) -> np.ndarray:
@@ -63,19 +48,12 @@ def image_of(ax) -> np.ndarray:
     return np.asarray(image.get_array())[..., :3]
 
 
-# --- axes
-
-
-def test_axes_have_names_and_units(pendulum):
+def test_axes_have_names_units_and_angles_in_multiples_of_pi(pendulum):
     ax = plot.basins(pendulum)
     assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\theta$ (rad)", r"$\dot{\theta}$ (rad/s)")
     assert ax.get_title() == "driven pendulum"
     assert ax.get_xlim() == pytest.approx((-pi, pi))
     assert ax.get_ylim() == pytest.approx((-500.0, 500.0))
-
-
-def test_angles_are_in_multiples_of_pi(pendulum):
-    ax = plot.basins(pendulum)
     ax.figure.canvas.draw()
     labels = [t.get_text() for t in ax.get_xticklabels()]
     inside = [t for t, x in zip(labels, ax.get_xticks(), strict=True) if -pi - 1e-9 <= x <= pi + 1e-9]
@@ -83,37 +61,14 @@ def test_angles_are_in_multiples_of_pi(pendulum):
     assert "pi" not in ax.get_yticklabels()[0].get_text()
 
 
-@pytest.mark.parametrize(
-    ("x", "text"),
-    [
-        (0, "0"),
-        (pi, r"$\pi$"),
-        (-pi, r"$-\pi$"),
-        (2 * pi, r"$2\pi$"),
-        (-3 * pi / 4, r"$-3\pi/4$"),
-        (pi / 12, r"$\pi/12$"),
-    ],
-)
-def test_multiples_of_pi(x, text):
-    assert multiple_of_pi(x) == text
-
-
-def test_angle_in_degrees_is_not_in_multiples_of_pi():
+def test_multiples_of_pi():
+    written = [multiple_of_pi(x) for x in (0, pi, -pi, 2 * pi, -3 * pi / 4, pi / 12)]
+    assert written == ["0", r"$\pi$", r"$-\pi$", r"$2\pi$", r"$-3\pi/4$", r"$\pi/12$"]
     exact = discrete_map(lambda x, p: (x[0] / 2, x[1] / 2), {}, (angle("phi", "deg", 360.0), "y"))
     ax = plot.basins(find_basins(exact, CellGrid((-180, -1), (180, 1), (8, 8))))
     ax.figure.canvas.draw()
     assert ax.get_xlabel() == r"$\phi$ (deg)"
     assert not any("pi" in t.get_text() for t in ax.get_xticklabels())
-
-
-def test_given_axes_are_used(pendulum):
-    _, axes = plt.subplots(1, 2)
-    assert plot.basins(pendulum, ax=axes[1]) is axes[1]
-    assert axes[0].get_images() == []
-    assert len(plt.get_fignums()) == 1
-
-
-# --- cells
 
 
 def test_every_cell_has_the_colour_of_its_label():
@@ -131,8 +86,6 @@ def test_every_cell_has_the_colour_of_its_label():
 
 def test_slice_of_more_dimensions():
     """Axes of one cell are left out; the others keep their names and their places."""
-    from math import tanh
-
     exact = discrete_map(lambda x, p: (x[0] / 2, tanh(2 * x[1]), x[2] / 2, x[3] / 2), {}, tuple("abcd"))
     basins = find_basins(exact, CellGrid((-1,) * 4, (1,) * 4, (1, 6, 1, 3)))
     ax = plot.basins(basins)
@@ -140,25 +93,22 @@ def test_slice_of_more_dimensions():
     assert np.array_equal(np.unique(image_of(ax), axis=0).shape, (1, 6, 3))
 
 
-@pytest.mark.parametrize("shape", [(1,), (1, 1), (4, 4, 4)])
-def test_grids_without_two_axes_are_refused(shape):
+@pytest.mark.parametrize(
+    ("shape", "options", "message"),
+    [
+        ((1,), {}, "basins of shrink: a figure needs a grid with two axes"),
+        ((4, 4, 4), {}, "basins of shrink: a figure needs a grid with two axes"),
+        ((4,), {"plane": (0, 1)}, "plane="),
+        ((4,), {"reference": "a"}, "no attractor of these basins has a continuous symmetry"),
+    ],
+)
+def test_what_cannot_be_drawn_leaves_no_figure(shape, options, message):
     d = len(shape)
     exact = discrete_map(lambda x, p: tuple(v / 2 for v in x), {}, tuple("abc"[:d]), name="shrink")
     basins = find_basins(exact, CellGrid((-1.0,) * d, (1.0,) * d, shape))
-    with pytest.raises(ValueError, match="basins of shrink: a figure needs a grid with two axes"):
-        plot.basins(basins)
-
-
-def test_refused_basins_leave_no_figure():
-    exact = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
-    with pytest.raises(ValueError, match="two axes"):
-        plot.basins(find_basins(exact, CellGrid((-1.0,), (1.0,), (1,))))
-    with pytest.raises(ValueError, match="plane="):
-        plot.basins(find_basins(exact, CellGrid((-1.0,), (1.0,), (4,))), plane=(0, 1))
+    with pytest.raises(ValueError, match=message):
+        plot.basins(basins, **options)
     assert plt.get_fignums() == []
-
-
-# --- legend
 
 
 def test_legend_names_each_attractor_and_its_fraction(pendulum):
@@ -172,44 +122,29 @@ def test_legend_names_each_attractor_and_its_fraction(pendulum):
     ]
 
 
-def test_legend_names_what_is_lost(lost):
+def test_legend_names_what_is_lost_and_small_fractions_are_not_nothing(lost):
     entries = legend_of(plot.basins(lost))
     assert entries[-1].startswith("escaped: ")
     assert len(entries) == len(lost.attractors) + 1
-
-
-def test_small_fractions_are_not_written_as_nothing():
     basins = two_wells((100, 100))
     labels = np.zeros_like(basins.labels)
     labels[3, 3] = 1
     entries = legend_of(plot.basins(replace(basins, labels=labels)))
     assert entries[1].endswith(": 0.01 %")
-
-
-def test_legend_can_be_left_out(pendulum):
-    assert plot.basins(pendulum, legend=False).get_legend() is None
-
-
-# --- colours
+    assert plot.basins(lost, legend=False).get_legend() is None
 
 
 def test_colours_of_codes_and_attractors_are_all_different():
-    codes = [mpl.colors.to_rgb(c) for c in CODE_COLOURS.values()]
     assert CODE_COLOURS.keys() == set(Label)
-    attractors = [mpl.colors.to_rgb(c) for c in COLOURS]
-    for a, b in itertools.combinations(codes + attractors, 2):
+    for a, b in itertools.combinations(map(to_rgb, [*CODE_COLOURS.values(), *COLOURS]), 2):
         assert np.abs(np.subtract(a, b)).max() > 0.15
 
 
 def test_many_attractors_have_different_colours(pendulum):
     """Twice through the set of twenty."""
-    many = replace(
-        pendulum,
-        attractors=pendulum.attractors[:1] * 40,
-        labels=np.arange(1200, dtype=np.int16).reshape(40, 30) % 40,
-    )
-    palette = list(label_colours(many.fractions).values())
-    for a, b in itertools.combinations(palette, 2):
+    labels = np.arange(1200, dtype=np.int16).reshape(40, 30) % 40
+    many = replace(pendulum, attractors=pendulum.attractors[:1] * 40, labels=labels)
+    for a, b in itertools.combinations(label_colours(many.fractions).values(), 2):
         assert np.abs(np.subtract(a, b)).max() > 0.02
 
 
@@ -227,17 +162,13 @@ def test_colours_of_attractors_differ_for_all_eyes(eyes, least):
         "deutan": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
         "tritan": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
     }[eyes]
-    to_lms = [
-        [0.41222147, 0.53633254, 0.05144599],
-        [0.2119035, 0.6806995, 0.10739696],
-        [0.08830246, 0.28171884, 0.6299787],
-    ]
-    to_lab = [
-        [0.21045426, 0.79361779, -0.00407205],
-        [1.9779985, -2.42859221, 0.45059371],
-        [0.0259040, 0.7827718, -0.8086758],
-    ]
-    colours = np.array([mpl.colors.to_rgb(c) for c in COLOURS])
+    # fmt: off
+    to_lms = [[0.41222147, 0.53633254, 0.05144599], [0.2119035, 0.6806995, 0.10739696],
+              [0.08830246, 0.28171884, 0.6299787]]
+    to_lab = [[0.21045426, 0.79361779, -0.00407205], [1.9779985, -2.42859221, 0.45059371],
+              [0.0259040, 0.7827718, -0.8086758]]
+    # fmt: on
+    colours = np.array([to_rgb(c) for c in COLOURS])
     linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
     seen = np.clip(linear @ np.transpose(matrix), 0.0, 1.0)
     lab = np.cbrt(seen @ np.transpose(to_lms)) @ np.transpose(to_lab)
@@ -251,15 +182,9 @@ def test_chosen_colours(pendulum):
     assert (cells[(pendulum.labels == 0).T] == 1.0).all()
     assert (cells[(pendulum.labels == 1).T] == 0.0).all()
     assert label_colours(pendulum.fractions, {0: "white"})[2] == label_colours(pendulum.fractions)[2]
-
-
-@pytest.mark.parametrize("colours", [{0: "no such colour"}, {0: 17}])
-def test_colours_that_are_none(pendulum, colours):
-    with pytest.raises(ValueError, match=r"colou?r|RGBA"):
-        plot.basins(pendulum, colours=colours)
-
-
-# --- shade and points
+    for wrong in ("no such colour", 17):
+        with pytest.raises(ValueError, match=r"colou?r|RGBA"):
+            plot.basins(pendulum, colours={0: wrong})
 
 
 def test_shade_makes_late_cells_paler_and_keeps_codes(lost):
@@ -274,13 +199,8 @@ def test_shade_makes_late_cells_paler_and_keeps_codes(lost):
     in_one_basin = (lost.labels == 0).T
     order = np.argsort(times[in_one_basin])
     assert (np.diff(shaded[in_one_basin][order].sum(axis=-1)) >= -1e-9).all()
-
-
-def test_shade_without_settled_initial_conditions():
-    basins = two_wells()
-    undecided = replace(
-        basins, labels=np.full_like(basins.labels, Label.UNDECIDED), settling_time=np.full((6, 4), -1, np.int32)
-    )
+    labels, times = np.full_like(lost.labels, Label.UNDECIDED), np.full_like(lost.settling_time, -1)
+    undecided = replace(lost, labels=labels, settling_time=times)
     assert np.array_equal(image_of(plot.basins(undecided, shade=True)), image_of(plot.basins(undecided)))
 
 
@@ -291,23 +211,14 @@ def test_attractors_are_marked(pendulum):
         for point in a.points:
             assert np.abs(marked - point).max(axis=1).min() < 1e-9
     assert plot.basins(pendulum, show_attractors=False).get_lines() == []
-
-
-def test_point_on_the_branch_cut_is_marked_at_both_ends(pendulum):
-    """The inverted pendulum stands at -pi, which is pi."""
-    marked = np.concatenate([line.get_xydata() for line in plot.basins(pendulum).get_lines()])
-    for place in (-pi, pi):
+    for place in (-pi, pi):  # the inverted pendulum stands at both
         assert np.abs(marked - [place, 0.0]).max(axis=1).min() < 1e-6
 
 
-def test_points_outside_do_not_widen_the_figure():
+def test_points_outside_do_not_widen_the_figure_and_a_chaotic_attractor_is_a_cloud():
     exact = discrete_map(lambda x, p: (x[0] / 2 + 10, x[1] / 2), {}, ("x", "y"))
     ax = plot.basins(find_basins(exact, CellGrid((-1, -1), (1, 1), (4, 4))))
-    assert ax.get_xlim() == (-1.0, 1.0)
-    assert ax.get_ylim() == (-1.0, 1.0)
-
-
-def test_chaotic_attractor_is_drawn_as_a_cloud():
+    assert (*ax.get_xlim(), *ax.get_ylim()) == (-1.0, 1.0, -1.0, 1.0)
     basins = find_basins(systems.henon_map(), CellGrid((-2, -2), (2, 2), (20, 20)))
     ax = plot.basins(basins)
     (line,) = ax.get_lines()
@@ -316,18 +227,15 @@ def test_chaotic_attractor_is_drawn_as_a_cloud():
     assert legend_of(ax)[-1].startswith("diverged: ")
 
 
-@pytest.mark.parametrize("shade", [True, False])
-def test_figure_can_be_written(pendulum, shade, tmp_path):
-    ax = plot.basins(pendulum, shade=shade)
-    for suffix in ("png", "pdf", "svg"):
+def test_figure_can_be_written(pendulum, tmp_path):
+    for suffix, begins in (("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")):
         path = tmp_path / f"basins.{suffix}"
-        ax.figure.savefig(path)
-        assert path.read_bytes().startswith({"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}[suffix])
+        plot.basins(pendulum, shade=suffix != "png").figure.savefig(path)
+        assert path.read_bytes().startswith(begins)
     seen = np.asarray(Image.open(tmp_path / "basins.png").convert("RGB")).reshape(-1, 3)
-    if not shade:  # every attractor's colour covers more than a legend does
-        for colour in COLOURS[: len(pendulum.attractors)]:
-            near = np.abs(seen - 255 * np.array(to_rgb(colour))).max(axis=1) < 2
-            assert near.sum() > 200
+    for colour in COLOURS[: len(pendulum.attractors)]:  # covers more than a legend does
+        near = np.abs(seen - 255 * np.array(to_rgb(colour))).max(axis=1) < 2
+        assert near.sum() > 200
 
 
 def test_basins_of_lines_and_of_lists():
@@ -344,7 +252,6 @@ def test_basins_of_lines_and_of_lists():
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$z$", "$x$")
     drawn = np.concatenate([line.get_xydata() for line in ax.lines[:2]])
     assert {tuple(row) for row in drawn} == {tuple(row) for row in basins.initial_conditions[:, [2, 0]]}
-    mpl.pyplot.close("all")
 
 
 def test_coordinates_without_a_common_phase():
@@ -370,33 +277,23 @@ def test_coordinates_without_a_common_phase():
     for reference, message in ((0, "on an axis"), (("phi_1", "phi_3"), "give 1 of"), ("x", "coordinates are")):
         with pytest.raises(ValueError, match=message):
             plot.basins(basins, plane=(0, 2), reference=reference)
-    line = discrete_map(lambda x, p: (x[0] / 2, x[1] / 2), {}, ("x", "y"))
-    with pytest.raises(ValueError, match="no attractor of these basins has a continuous symmetry"):
-        plot.basins(find_basins(line, [[0.1, 0.2]]), reference="x")
-    mpl.pyplot.close("all")
 
 
-def test_points_of_a_diagram_are_larger_where_they_are_few():
+def test_points_of_a_diagram_are_larger_where_they_are_few_and_exponents_have_a_panel():
     logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 3.0}, ("x",))
     sizes = []
     for values in ([2.8, 2.9], [3.2, 3.3], [3.9, 4.0]):
         ax = plot.bifurcation_diagram(bifurcation_diagram(logistic, "r", values, [0.3]))[0]
         sizes.append(ax.lines[0].get_markersize())
     assert sizes == [3.0, pytest.approx(3.0 / np.sqrt(2.0)), pytest.approx(0.6)]
-    mpl.pyplot.close("all")
-
-
-def test_a_diagram_without_exponents_has_one_panel():
-    logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 3.0}, ("x",))
     (ax,) = plot.bifurcation_diagram(bifurcation_diagram(logistic, "r", [3.2, 3.3], [0.3], exponents=False))
     assert ax.figure.axes == [ax] and (ax.get_xlabel(), ax.get_ylabel()) == ("$r$", "$x$")
     superstable = bifurcation_diagram(logistic, "r", [2.0], [0.3])
     assert superstable.exponents.max() < -10.0 and len(plot.bifurcation_diagram(superstable)) == 2
-    mpl.pyplot.close("all")
 
 
-def test_attractors_with_many_coordinates_have_room_in_legends_and_beneath_bars():
-    """Of two that differ in the first coordinate and in the last one."""
+def test_attractors_with_many_coordinates_have_room_in_legends_and_at_bars():
+    """Of two that differ in the first coordinate and in the last one; titles of slices have units."""
     coordinates = [*(f"x{k}" for k in range(7)), Coordinate("x7", "V")]
 
     def rhs(x, p):
@@ -415,17 +312,9 @@ def test_attractors_with_many_coordinates_have_room_in_legends_and_beneath_bars(
     ax.figure.draw_without_rendering()
     assert ax.get_window_extent().width > 0.75 * ax.figure.bbox.width
     assert min(t.get_window_extent().x0 for t in ax.get_xticklabels()) > 0.0
-    mpl.pyplot.close("all")
-
-
-def test_titles_of_slices_have_units():
     halves = discrete_map(lambda x, p: tuple(v / 2 for v in x), {}, ("x", "y", Coordinate("U", "V")))
     ax = plot.basins(find_basins(halves, CellGrid((-1, -1, 0.5), (1, 1, 0.5), (4, 4, 1))))
     assert ax.get_title().endswith(", $U$ = 0.5 V")
-    mpl.pyplot.close("all")
-
-
-def test_bars_of_attractors_with_many_coordinates_have_room():
     names = [f"x{k}" for k in range(12)]
     system = discrete_map(lambda x, p: tuple(1.5 * v - 0.5 * v**3 for v in x), {}, names)
     found = find_basins(system, np.random.default_rng(0).choice([-0.9, 0.9], (60, 12)))

@@ -1,18 +1,16 @@
-"""Figures of fits and of dimensions."""
+"""Figures of fits, dimensions and certificates."""
 
 from __future__ import annotations
 
-import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 
-from cellmap import plot
+from cellmap import CellGrid, certify, discrete_map, find_basins, interpolated_map, plot
 from cellmap.analysis import fit_line
 from cellmap.analysis.fractal import box_dimension, generalized_dimensions, kaplan_yorke_dimension
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
-
+from cellmap.basins import Evidence
+from cellmap.plot._basins import EVIDENCE_COLOURS
 from studies.known_fractals import cascade, koch
 
 
@@ -39,32 +37,44 @@ def test_plain_quantities_are_on_plain_axes():
     assert not ax.patches
     assert ax.get_legend().get_texts()[0].get_text().startswith("growth: 1")
 
-
-def test_given_axes_are_used():
-    _, axes = plt.subplots(1, 2)
-    fit = fit_line([0, 1, 2], [0, 1, 2])
-    assert plot.fit(fit, ax=axes[1]) is axes[1]
-    assert len(plt.get_fignums()) == 1
-
-
-def test_what_has_no_fit_is_refused():
     with pytest.raises(TypeError, match=r"carries one as \.fit"):
         plot.fit(3.0)
-    with pytest.raises(TypeError, match="made by generalized_dimensions"):
-        plot.generalized_dimensions(3.0)
-    with pytest.raises(TypeError, match="made by kaplan_yorke_dimension"):
-        plot.kaplan_yorke(3.0)
-    assert plt.get_fignums() == []
 
 
-def test_dimensions_of_all_orders():
+def test_dimensions_of_all_orders_and_sums_of_exponents():
     places, weights = cascade(10)
     found = generalized_dimensions(places, (0, 1, 2), weights=weights)
     ax = plot.generalized_dimensions(found)
     np.testing.assert_allclose(ax.get_lines()[0].get_ydata(), found.dimensions)
     assert plot.fit(found[2]).get_ylabel() == "information of order 2"
-
-
-def test_sums_of_exponents():
     ax = plot.kaplan_yorke(kaplan_yorke_dimension([0.4, -1.6], [0.01, 0.01]))
     assert "1.25" in ax.get_legend().get_texts()[0].get_text()
+
+
+@pytest.fixture(scope="module")
+def certificate():
+    """Two wells whose boundary x = 0 lies between cells, on an interpolated map that is wrong by a thousandth."""
+    wells = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, 0.5 * x[1]), {}, ("x", "y"))
+    grid = CellGrid((-1.5, -1.0), (1.5, 1.0), (30, 20))
+    return certify(find_basins(interpolated_map(wells, grid, order=1, tolerance=0.1), grid))
+
+
+def test_cells_have_the_colours_of_their_evidence(certificate):
+    ax = plot.certificate(certificate)
+    (image,) = ax.get_images()
+    drawn = np.asarray(image.get_array())
+    assert drawn.shape[:2] == (20, 30)
+    assert len(np.unique(certificate.evidence)) > 1
+    for evidence in Evidence:
+        places = evidence == certificate.evidence.T
+        assert np.allclose(drawn[places][:, :3], to_rgb(EVIDENCE_COLOURS[evidence]), atol=1e-6)
+    assert image.get_extent() == pytest.approx([-1.5, 1.5, -1.0, 1.0])
+
+
+def test_the_legend_counts_the_cells(certificate):
+    texts = [text.get_text() for text in plot.certificate(certificate).get_legend().get_texts()]
+    counts = np.bincount(certificate.evidence.ravel(), minlength=len(Evidence))
+    assert len(texts) == len(Evidence)
+    for text, count in zip(texts, counts, strict=True):
+        assert text.endswith(f": {100 * count / 600:.3g} %")
+    assert len(set(EVIDENCE_COLOURS.values())) == len(Evidence)

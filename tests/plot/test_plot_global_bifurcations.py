@@ -1,31 +1,27 @@
-"""Figures of connecting orbits, invariant circles and Arnold tongues."""
+"""Figures of atlases, connecting orbits, invariant circles and Arnold tongues."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from math import pi, sin
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.patches import Polygon
 
 from cellmap import ForcedSystem, angle, discrete_map, periodic_orbit, plot, stroboscopic_map
 from cellmap.bifurcations import (
+    AttractorAtlas,
     CircleBranch,
     ConnectionBranch,
     arnold_tongue,
+    attractor_atlas,
     connecting_orbits,
     continue_circle,
     continue_connection,
+    continue_tangency,
 )
-
-
-@pytest.fixture(autouse=True)
-def closed() -> Iterator[None]:
-    yield
-    plt.close("all")
+from systems import henon_map
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +44,6 @@ def test_a_branch_of_connecting_orbits(branch: ConnectionBranch) -> None:
     np.testing.assert_array_equal(curve.get_ydata(), branch.angles)
     assert mark.get_xdata() == pytest.approx([1.314527109326], abs=1e-10)
     assert len(plot.connections([branch, branch], legend=False).lines) == 4
-    with pytest.raises(TypeError, match="give a ConnectionBranch"):
-        plot.connections([])
 
 
 def test_rotation_numbers(circles: CircleBranch) -> None:
@@ -108,5 +102,32 @@ def test_tongues() -> None:
     shoelace = 0.5 * abs(across @ np.roll(up, -1) - up @ np.roll(across, -1))
     assert shoelace == pytest.approx((0.9**2 - 0.2**2) / (2.0 * pi), rel=1e-9)
     assert [t.get_text() for t in ax.get_legend().get_texts()] == ["0/1"]
-    with pytest.raises(TypeError, match="give an ArnoldTongue"):
-        plot.arnold_tongues([tongue, 3])  # type: ignore[list-item]
+
+
+@pytest.fixture(scope="module")
+def atlas() -> AttractorAtlas:
+    axes = ("a", np.linspace(0.0, 0.7, 15)), ("b", np.linspace(0.1, 0.4, 7))
+    return attractor_atlas(henon_map(0.2, 0.3), *axes, [[0.0, 0.0]])
+
+
+def test_the_classes_and_curves(atlas: AttractorAtlas) -> None:
+    ax = plot.attractor_atlas(atlas)
+    (image,) = ax.collections
+    assert image.get_array().shape == (7, 15)
+    np.testing.assert_array_equal(np.asarray(image.get_array()).astype(int), atlas.classes[0])
+    (line,) = ax.lines
+    np.testing.assert_array_equal(line.get_xdata(), atlas.curves[0].values[:, atlas.curves[0].parameters.index("a")])
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["1", "2", "period doubling"]
+    (image,) = plot.attractor_atlas(atlas, show=1, curves=False).collections
+    np.testing.assert_array_equal(np.asarray(image.get_array()), atlas.fraction(1))
+
+
+def test_further_curves(atlas: AttractorAtlas) -> None:
+    exact = henon_map(1.5, 0.3)
+    orbit = connecting_orbits(exact, periodic_orbit(exact, [-1.1, -0.3]), max_steps=20, n_samples=2048)[0]
+    branch = continue_connection(orbit, "a", 1.3, 1.6)
+    curve = continue_tangency(branch.tangencies[0], ("a", "b"), (1.3, 1.6), (0.2, 0.4), step=0.2)
+    assert len(plot.attractor_atlas(atlas, extra_curves=[curve]).lines) == 2
+    for show in ("fractions", True):
+        with pytest.raises((TypeError, ValueError), match="show="):
+            plot.attractor_atlas(atlas, show=show)  # type: ignore[arg-type]

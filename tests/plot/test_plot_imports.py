@@ -1,42 +1,46 @@
-"""The plotting room is loaded when it is used first, and its public names exist."""
+"""What is loaded when: nothing heavy with the library, and figures, files and servers when they are used first."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
 
-import matplotlib as mpl
 import pytest
 
-mpl.use("Agg")
+import cellmap
+
+PROGRAM = """
+import sys
+import cellmap, cellmap.explorer
+from cellmap.explorer import Explored, explore
+
+def loaded(names):
+    return sorted(set(names.split()) & set(sys.modules))
+
+assert not loaded("starlette uvicorn websockets asyncio systems")
+import systems
+heavy = "matplotlib sklearn h5py scipy.integrate scipy.ndimage pandas xarray numba"
+assert not loaded(heavy), loaded(heavy)
+assert "plot" in dir(cellmap) and "save_basins" in cellmap.__all__
+cellmap.discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
+assert not loaded("matplotlib")
+cellmap.discrete_map(lambda x, p: (x[0] / 2,), {}, ("$x$",))
+assert loaded("matplotlib")
+from cellmap.plot import draw
+assert not [m for m in sys.modules if m.startswith("cellmap.analysis.") or m == "numba"]
+assert not loaded("cellmap.plot._basins h5py")
+cellmap.plot.basins, cellmap.basins.StoreError
+assert loaded("cellmap.plot._basins h5py matplotlib") == ["cellmap.plot._basins", "h5py", "matplotlib"]
+"""
 
 
-@pytest.mark.parametrize("module", ["cellmap", "systems"])
-def test_import_loads_no_heavy_library(module):
-    program = (
-        f"import {module}, sys; "
-        "heavy = ('matplotlib', 'sklearn', 'h5py', 'scipy.integrate', 'scipy.ndimage', 'pandas', 'xarray'); "
-        "print([m for m in heavy if m in sys.modules])"
-    )
-    output = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
-    assert output.strip() == "[]"
+def test_what_is_loaded_when():
+    done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
-def test_late_names_are_listed_and_load_on_use():
-    program = (
-        "import cellmap, sys; assert 'plot' in dir(cellmap) and 'save_basins' in cellmap.__all__;"
-        "assert 'matplotlib' not in sys.modules; cellmap.plot.basins; assert 'matplotlib' in sys.modules;"
-        "assert 'h5py' not in sys.modules; cellmap.basins.StoreError; assert 'h5py' in sys.modules"
-    )
-    subprocess.run([sys.executable, "-c", program], check=True)
-    import cellmap
-
-    with pytest.raises(AttributeError, match="No cellmap attribute plot_basin"):
-        cellmap.plot_basin  # noqa: B018
-
-
-def test_every_public_name_exists():
-    import cellmap
-
+def test_every_public_name_exists_and_no_other():
     for name in cellmap.__all__:
         assert getattr(cellmap, name).__doc__
+    with pytest.raises(AttributeError, match="No cellmap attribute plot_basin"):
+        cellmap.plot_basin  # noqa: B018

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import cos, pi, sin
 
-import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from PIL import Image
@@ -14,10 +14,8 @@ from cellmap.plot import _animation as animation
 from cellmap.plot._axes import cut_at_branch_cuts
 from systems.lab import read_film
 
-mpl.use("Agg")
-import matplotlib.pyplot as plt
-
 ANGLE = angle("theta")
+AXES = Coordinate("t"), ANGLE
 
 
 def rhs(t, x, p):
@@ -36,7 +34,6 @@ PENDULUM = ForcedSystem(
         "tip": lambda t, x, p: (sin(x[0]), -cos(x[0]), 0.0),
     },
 )
-OTHER = ForcedSystem(lambda t, x, p: (-x[0],), {}, 1.0, ("x",), "other")
 
 
 @pytest.fixture(scope="module")
@@ -53,37 +50,24 @@ def marks(ax):
     return [line for line in ax.get_lines() if line.get_marker() == "o"]
 
 
-# --- cuts
-
-
-def test_a_curve_on_the_line_is_not_cut():
+def test_a_curve_is_cut_where_it_crosses_the_branch_cut():
     curve = np.array([[0.0, 5.0], [1.0, -7.0], [2.0, 30.0]])
     assert np.array_equal(cut_at_branch_cuts(curve, (Coordinate("t"), Coordinate("x"))), curve)
-
-
-def test_a_curve_is_cut_where_it_crosses_the_branch_cut():
     curve = np.array([[0.0, pi - 1.0], [4.0, pi + 3.0]])
-    cut = cut_at_branch_cuts(curve, (Coordinate("t"), ANGLE))
     exact = [[0, pi - 1], [1, pi], [np.nan, np.nan], [1, -pi], [4, 3 - pi]]
-    assert cut == pytest.approx(np.array(exact), abs=1e-12, nan_ok=True)
-
-
-@pytest.mark.parametrize("direction", [1, -1])
-def test_several_rotations_between_two_samples(direction):
-    curve = np.array([[0.0, 0.0], [1.0, direction * 6 * pi]])
-    cut = cut_at_branch_cuts(curve, (Coordinate("t"), ANGLE))
-    assert np.count_nonzero(np.isnan(cut[:, 0])) == 3
-    assert cut[-1] == pytest.approx([1.0, 0.0], abs=1e-12)
-
-
-def test_samples_on_the_branch_cut():
-    there_and_back = np.array([[0.0, 0.0], [1.0, pi], [2.0, 0.0]])
-    assert not np.isnan(cut_at_branch_cuts(there_and_back, (Coordinate("t"), ANGLE))).any()
-    through = np.array([[0.0, 0.0], [1.0, pi], [2.0, 2 * pi]])
+    assert cut_at_branch_cuts(curve, AXES) == pytest.approx(np.array(exact), abs=1e-12, nan_ok=True)
+    through = np.array([[0.0, 0.0], [1.0, pi], [2.0, 2 * pi]])  # a sample lies there
     exact = [[0, 0], [1, pi], [np.nan, np.nan], [1, -pi], [2, 0]]
-    assert cut_at_branch_cuts(through, (Coordinate("t"), ANGLE)) == pytest.approx(
-        np.array(exact), abs=1e-12, nan_ok=True
-    )
+    assert cut_at_branch_cuts(through, AXES) == pytest.approx(np.array(exact), abs=1e-12, nan_ok=True)
+    there_and_back = np.array([[0.0, 0.0], [1.0, pi], [2.0, 0.0]])
+    assert not np.isnan(cut_at_branch_cuts(there_and_back, AXES)).any()
+    for direction in (1, -1):
+        cut = cut_at_branch_cuts(np.array([[0.0, 0.0], [1.0, direction * 6 * pi]]), AXES)
+        assert np.count_nonzero(np.isnan(cut[:, 0])) == 3
+        assert cut[-1] == pytest.approx([1.0, 0.0], abs=1e-12)
+    curve = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, np.nan], [3.0, np.nan]])  # gaps stay gaps
+    cut = cut_at_branch_cuts(curve, AXES)
+    assert cut[np.isfinite(cut).all(axis=1)] == pytest.approx(curve[:2])
 
 
 def test_cuts_on_a_torus_keep_every_piece_inside():
@@ -98,15 +82,6 @@ def test_cuts_on_a_torus_keep_every_piece_inside():
     steps = np.diff(cut, axis=0)
     steps = steps[np.isfinite(steps[:, 0])]
     assert steps.sum(axis=0) == pytest.approx(curve[-1] - curve[0])
-
-
-def test_gaps_stay_gaps():
-    curve = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, np.nan], [3.0, np.nan]])
-    cut = cut_at_branch_cuts(curve, (Coordinate("t"), ANGLE))
-    assert cut[np.isfinite(cut).all(axis=1)] == pytest.approx(curve[:2])
-
-
-# --- time series
 
 
 def test_a_panel_for_each_coordinate_and_a_curve_for_each_initial_condition(motion):
@@ -142,36 +117,23 @@ def test_stroboscopic_points_lie_on_top(motion):
     assert all(marks(panel) == [] for panel in plot.time_series(motion, stroboscopic=False))
 
 
-def test_small_swings_have_plain_ticks():
-    small = trajectory(PENDULUM, [0.0, 0.0], 1)
-    (panel,) = plot.time_series(small, names="theta")
+def test_one_initial_condition_and_many_axes_of_initial_conditions():
+    """Small swings have plain ticks."""
+    (panel,) = plot.time_series(trajectory(PENDULUM, [0.0, 0.0], 1), names="theta")
+    assert len(curves(panel)) == 1
     panel.figure.canvas.draw()
     texts = [t.get_text() for t in panel.get_yticklabels()]
     assert len(texts) > 2
     assert not any("pi" in t for t in texts)
-
-
-def test_outputs_are_drawn_component_by_component(motion):
-    panels = plot.time_series(motion, names=("v", "energy", "tip"))
-    assert [p.get_ylabel() for p in panels] == ["$v$ (rad/s)", "energy", "tip[0]", "tip[1]", "tip[2]"]
-    assert np.array_equal(curves(panels[1])[0].get_ydata(), motion.output("energy")[:, 0, 0])
-
-
-def test_one_initial_condition_and_many_axes_of_initial_conditions():
-    one = trajectory(PENDULUM, [0.5, 0.0], 1)
-    assert len(curves(plot.time_series(one)[0])) == 1
     many = trajectory(PENDULUM, np.full((2, 3, 2), 0.1), 1)
     assert len(curves(plot.time_series(many)[0])) == 6
 
 
-def test_a_diverging_motion_is_drawn_to_its_end():
-    blow_up = ForcedSystem(lambda t, x, p: (x[0] ** 2,), {}, 1.0, ("x",))
-    (panel,) = plot.time_series(trajectory(blow_up, [0.4], 4))
-    panel.figure.canvas.draw()
-    assert np.isnan(curves(panel)[0].get_ydata()[-1])
-
-
-def test_given_panels_and_labels(motion):
+def test_outputs_are_drawn_component_by_component_on_given_panels_with_labels(motion):
+    panels = plot.time_series(motion, names=("v", "energy", "tip"))
+    assert [p.get_ylabel() for p in panels] == ["$v$ (rad/s)", "energy", "tip[0]", "tip[1]", "tip[2]"]
+    assert np.array_equal(curves(panels[1])[0].get_ydata(), motion.output("energy")[:, 0, 0])
+    plt.close("all")
     _, panels = plt.subplots(2)
     assert plot.time_series(motion, ax=panels, labels=["swing", "turn"]) == tuple(panels)
     assert [t.get_text() for t in panels[0].get_legend().get_texts()] == ["swing", "turn"]
@@ -179,27 +141,36 @@ def test_given_panels_and_labels(motion):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "error", "message"),
+    ("figure", "arguments", "message"),
     [
-        ({"trajectory": [1.0]}, TypeError, r"trajectory=\[1.0\]: give a Trajectory"),
         (
+            "time_series",
             {"names": "w"},
-            ValueError,
-            r"names has 'w': the coordinates of pendulum are \['theta', 'v'\] and its outputs",
+            r"names has 'w': the coordinates of pendulum are \['theta', 'v'\] and its outp",
         ),
-        ({"names": ()}, ValueError, r"names=\(\): name at least one"),
-        ({"ax": ()}, ValueError, "ax has 0 panels: give 2"),
-        ({"labels": ["one"]}, ValueError, r"labels=\['one'\]: give 2 names"),
-        ({"labels": "ab"}, ValueError, "labels='ab': give 2 names"),
+        ("time_series", {"names": ()}, r"names=\(\): name at least one"),
+        ("time_series", {"ax": ()}, "ax has 0 panels: give 2"),
+        ("time_series", {"labels": ["one"]}, r"labels=\['one'\]: give 2 names"),
+        ("time_series", {"labels": "ab"}, "labels='ab': give 2 names"),
+        ("phase_portrait", {"coordinates": (2, 1)}, "coordinates=2: give a whole number of at most 1"),
+        ("phase_portrait", {"coordinates": ("v", "w")}, r"coordinates='w': the coordinates are \['theta', 'v'\]"),
+        ("phase_portrait", {"coordinates": (0, 1.0)}, "coordinates=1.0: give a whole number"),
+        ("animate", {"path": "film.avi"}, r"path='film.avi': give the name of a file that ends in \.gif or \.mp4"),
+        ("animate", {"path": "no such folder/film.gif"}, "there is no folder 'no such folder'"),
+        ("animate", {"path": 3}, "path=3: give the name of a file"),
+        ("animate", {"output": "places"}, r"output='places': the outputs of pendulum are .* give the ForcedSystem"),
+        ("animate", {"output": "energy"}, "output='energy' has 1 components: give x and y"),
+        ("animate", {"output": "tip"}, "output='tip' has 3 components: give x and y"),
+        ("animate", {"every": 0}, "every=0: give a whole number of at least 1"),
+        ("animate", {"trace": -1}, "trace=-1: give a whole number of at least 0"),
+        ("animate", {"frames_per_second": 0}, "frames_per_second=0: give a number above 0"),
     ],
 )
-def test_time_series_checks_its_arguments(motion, arguments, error, message):
-    with pytest.raises(error, match=message):
-        plot.time_series(**{"trajectory": motion, **arguments})
+def test_figures_of_motions_check_their_arguments(motion, figure, arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises((ValueError, TypeError, FileNotFoundError), match=message):
+        getattr(plot, figure)(motion, **arguments)
     assert plt.get_fignums() == []
-
-
-# --- phase portraits
 
 
 def test_portrait_on_the_circle(motion):
@@ -222,28 +193,6 @@ def test_portrait_by_names_with_an_angle_upwards(motion):
     assert ax.get_ylim() == pytest.approx((-pi, pi))
     assert marks(ax) == []
     assert plot.phase_portrait(motion, ax=ax) is ax
-
-
-@pytest.mark.parametrize(
-    ("arguments", "error", "message"),
-    [
-        ({"coordinates": (2, 1)}, ValueError, "coordinates=2: give a whole number of at most 1"),
-        ({"coordinates": ("v", "w")}, ValueError, r"coordinates='w': the coordinates are \['theta', 'v'\]"),
-        ({"coordinates": (0, 1.0)}, TypeError, "coordinates=1.0: give a whole number"),
-    ],
-)
-def test_portrait_checks_its_arguments(motion, arguments, error, message):
-    with pytest.raises(error, match=message):
-        plot.phase_portrait(motion, **arguments)
-    assert plt.get_fignums() == []
-
-
-def test_portrait_of_one_variable_is_refused():
-    with pytest.raises(ValueError, match="coordinates=1: give a whole number of at most 0"):
-        plot.phase_portrait(trajectory(OTHER, [1.0], 1))
-
-
-# --- animations
 
 
 def test_a_gif_has_a_frame_for_every_so_many_samples(motion, tmp_path):
@@ -275,23 +224,20 @@ def test_frames_show_rods_bobs_and_a_fading_trace(motion):
     film._draw_was_started = True  # it is shown to nobody
 
 
-def frames_of(path):
-    with Image.open(path) as film:
-        return film.n_frames
-
-
-def test_the_trace_can_be_left_out(motion, tmp_path):
-    plot.animate(motion, tmp_path / "plain.gif", trace=0, every=24)
-    assert frames_of(tmp_path / "plain.gif") == len(range(0, len(motion.times), 24))
-
-
 def test_a_motion_that_ends_is_shown_to_its_end(tmp_path):
     rod = {"place": lambda t, x, p: (0.0, 0.0, x[0], 0.0)}
     system = ForcedSystem(lambda t, x, p: (x[0] ** 2,), {}, 1.0, ("x",), outputs=rod)
     ending = trajectory(system, [0.45], 4, samples_per_period=2)
     assert np.isfinite(ending.states[:, 0]).sum() == 5  # 1/(2.22 - t) until t = 2.22
-    plot.animate(ending, tmp_path / "end.gif", output="place")
-    assert frames_of(tmp_path / "end.gif") == len(ending.times) == 9
+    (panel,) = plot.time_series(ending)
+    panel.figure.canvas.draw()
+    assert np.isnan(curves(panel)[0].get_ydata()[-1])
+    with pytest.raises(ValueError, match="coordinates=1: give a whole number of at most 0"):
+        plot.phase_portrait(ending)
+    for trace in (8, 0):
+        plot.animate(ending, tmp_path / "end.gif", output="place", trace=trace)
+        with Image.open(tmp_path / "end.gif") as film:
+            assert film.n_frames == len(ending.times) == 9
 
 
 def test_a_film_that_fails_leaves_what_was_there(motion, tmp_path, monkeypatch):
@@ -316,28 +262,6 @@ def test_mp4_needs_ffmpeg(motion, tmp_path, monkeypatch, there):
         with pytest.raises(RuntimeError, match=r"needs the program ffmpeg.*install it, or give .* ends in \.gif"):
             plot.animate(motion, tmp_path / "pendulum.mp4")
         assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("arguments", "error", "message"),
-    [
-        ({"trajectory": 3}, TypeError, "trajectory=3: give a Trajectory"),
-        ({"path": "film.avi"}, ValueError, r"path='film.avi': give the name of a file that ends in \.gif or \.mp4"),
-        ({"path": "no such folder/film.gif"}, FileNotFoundError, "there is no folder 'no such folder'"),
-        ({"path": 3}, TypeError, "path=3: give the name of a file"),
-        ({"output": "places"}, ValueError, r"output='places': the outputs of pendulum are .* give the ForcedSystem"),
-        ({"output": "energy"}, ValueError, "output='energy' has 1 components: give x and y"),
-        ({"output": "tip"}, ValueError, "output='tip' has 3 components: give x and y"),
-        ({"every": 0}, ValueError, "every=0: give a whole number of at least 1"),
-        ({"trace": -1}, ValueError, "trace=-1: give a whole number of at least 0"),
-        ({"frames_per_second": 0}, ValueError, "frames_per_second=0: give a number above 0"),
-    ],
-)
-def test_animation_checks_its_arguments(motion, arguments, error, message, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(error, match=message):
-        plot.animate(**{"trajectory": motion, **arguments})
-    assert plt.get_fignums() == []
 
 
 def test_a_gif_claims_its_memory(motion, tmp_path, monkeypatch):

@@ -1,15 +1,14 @@
-"""Figures of box sets, Morse graphs and transfer operators."""
+"""Figures of box sets, Morse graphs, transfer operators and cell mappings."""
 
 from __future__ import annotations
 
-import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from cellmap import CellGrid, discrete_map, plot
-from cellmap.sets import BoxSet, morse_graph, transfer_operator
-
-mpl.use("Agg")
+import systems
+from cellmap import CellGrid, discrete_map, plot, stroboscopic_map
+from cellmap.sets import BoxSet, generalized_cell_mapping, morse_graph, simple_cell_mapping, transfer_operator
 
 CUBIC = discrete_map(
     lambda x, p: (1.5 * x[0] - x[0] ** 3 / 2, 1.5 * x[1] - x[1] ** 3 / 2), {}, ("x", "y"), name="two cubics"
@@ -52,3 +51,53 @@ def test_operators():
     assert ax.lines[1].get_xdata()[0] == pytest.approx(1.0)
     plane = transfer_operator(BoxSet.full(CellGrid((-1, -1), (1, 1), (9, 9))), CUBIC, 5)
     assert plot.eigenvector(plane, index=1).collections
+
+
+@pytest.fixture(scope="module")
+def wells():
+    return stroboscopic_map(systems.two_well_duffing()), CellGrid((-2, -2.5), (2, 2), (40, 45))
+
+
+def test_groups_have_colours_periodic_cells_are_black_and_steps_are_counted(wells):
+    mapping = simple_cell_mapping(*wells)
+    ax = plot.cell_mapping(mapping)
+    (image,) = ax.get_images()
+    assert image.get_extent() == [-2.0, 2.0, -2.5, 2.0]
+    drawn = np.asarray(image.get_array())
+    assert drawn.shape == (45, 40, 3)
+    black = np.argwhere((drawn == 0).all(axis=-1))
+    periodic = np.argwhere(((mapping.steps == 0) & (mapping.groups >= 0)).T)
+    np.testing.assert_array_equal(black, periodic)
+    mapping = simple_cell_mapping(*wells, periods=3)
+    ax = plot.cell_mapping(mapping, ax=plt.figure().add_subplot(), show_steps=True)
+    drawn = np.ma.filled(np.ma.asarray(ax.get_images()[0].get_array(), float), np.nan)
+    expected = np.where(mapping.groups >= 0, 3.0 * mapping.steps, np.nan).T
+    np.testing.assert_array_equal(drawn, expected)
+
+
+@pytest.fixture(scope="module")
+def chain(wells):
+    return generalized_cell_mapping(*wells, samples=(2, 2))
+
+
+def test_probabilities_domiciles_and_measures(chain):
+    for number in (0, -1):
+        image = plot.absorption(chain, group=number).get_images()[0]
+        assert image.get_clim() == (0.0, 1.0)
+        np.testing.assert_array_equal(np.asarray(image.get_array()), chain.absorption[..., number].T)
+    image = plot.absorption(chain).get_images()[0]
+    np.testing.assert_array_equal(np.asarray(image.get_array()), chain.domiciles.T)
+    drawn = np.ma.asarray(plot.invariant_measure(chain).get_images()[0].get_array())
+    assert np.count_nonzero(np.isfinite(np.ma.filled(drawn, np.nan))) == len(chain.closed[0].cells)
+    line = generalized_cell_mapping(systems.logistic_map(4.0), CellGrid((0,), (1 + 1e-9,), (100,)))
+    (curve,) = plot.invariant_measure(line).get_lines()
+    np.testing.assert_array_equal(curve.get_ydata(), line.density())
+
+
+def test_what_cannot_be_shown(wells, chain):
+    with pytest.raises(TypeError, match="CellMapping"):
+        plot.cell_mapping(chain)
+    with pytest.raises(ValueError, match="group=99"):
+        plot.absorption(chain, group=99)
+    with pytest.raises(ValueError, match="two axes"):
+        plot.cell_mapping(simple_cell_mapping(systems.logistic_map(4.0), CellGrid((0,), (1,), (100,))))

@@ -1,4 +1,4 @@
-"""Pages of the explorer in a browser of this machine, the systems that they show, and what their canvas has to show."""
+"""Pages of the explorer in a browser of this machine, what is done with them, and what their canvas has to show."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import io
 import os
 import shutil
 from collections.abc import Callable, Iterator
-from math import pi, sin
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,50 +17,11 @@ from matplotlib.image import imread
 from numpy.typing import NDArray
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from cellmap import CellGrid, ForcedSystem, angle, discrete_map
-from cellmap.explorer import Explored, ExploredScene
 from cellmap.plot._colours import COLOURS
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 PROGRAM = os.environ.get("CELLMAP_BROWSER") or next(filter(None, map(shutil.which, NAMES)), None)
 
-
-def step(x, p):
-    speed = p.keep * x[1] + 0.2 * (x[0] - x[0] ** 3)
-    return x[0] + speed, speed
-
-
-def swing(t, x, p):
-    """A pendulum whose pivot is driven; 0 and pi are stable."""
-    theta, v = x
-    return v, -p.damping * v - (p.weight + p.drive * sin(t)) * sin(theta)
-
-
-WELLS = discrete_map(step, {"keep": 0.6}, ("x", "v"))
-SWING = ForcedSystem(swing, {"damping": 0.3, "weight": 0.01, "drive": 0.5}, 2 * pi, (angle("theta"), "v"), "swing")
-WINDOW = CellGrid((-2.0, -1.5), (2.0, 1.5), (100, 100))
-TURN = CellGrid((-pi, -2.0), (pi, 2.0), (100, 100))
-
-
-def push(x, p):
-    speed = p.keep * x[1] + 0.2 * (x[0] - x[0] ** 3) + 0.2 * p.push
-    return x[0] + speed, speed
-
-
-PUSHED = discrete_map(push, {"keep": 0.6, "push": 0.1}, ("x", "v"))
-SCENE = ExploredScene(
-    "parts",
-    "From parts",
-    ("ball",),
-    ("push",),
-    ("ball",),
-    lambda _, e: Explored("", lambda: PUSHED if e else WELLS, WINDOW),
-)
-GALLERY = (
-    Explored("wells", lambda: WELLS, WINDOW, source="from browser_pages import WELLS as system\n"),
-    Explored("swing", lambda: SWING, TURN, about="A pendulum on a pivot that is driven.", units={"damping": "1/s"}),
-    SCENE,
-)
 
 LOG = """
 window.frames = []; window.mistakes = [];
@@ -86,7 +47,9 @@ def launched() -> Iterator[Browser]:
     if PROGRAM is None:
         pytest.skip("no Chromium on this machine: install one, or name it in CELLMAP_BROWSER")
     with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=PROGRAM, args=["--no-sandbox"])
+        running = playwright.chromium.launch(
+            executable_path=PROGRAM, args=["--no-sandbox", "--enable-precise-memory-info"]
+        )
         yield running
         running.close()
 
@@ -123,10 +86,14 @@ def after(page: Page, act: Callable[[], object]) -> None:
     until(page, WHOLE)
 
 
+def canvas(page: Page, name: str) -> NDArray[np.float64]:
+    """Read a canvas as the file that the page would save."""
+    file = page.evaluate(f"document.getElementById('{name}').toDataURL('image/png')")
+    return np.asarray(imread(io.BytesIO(base64.b64decode(file.split(",")[1]))))
+
+
 def pixels(page: Page) -> NDArray[np.uint8]:
-    """Read the canvas as the file that the page would save."""
-    file = page.evaluate("document.getElementById('image').toDataURL('image/png')")
-    image = imread(io.BytesIO(base64.b64decode(file.split(",")[1])))
+    image = canvas(page, "image")
     assert (image[..., 3] == 1).all()
     return np.rint(255 * image[..., :3]).astype(np.uint8)
 
@@ -182,3 +149,32 @@ def put(page: Page, label: str, value: float) -> Callable[[], None]:
 
 def limits(page: Page) -> list[float]:
     return [float(page.input_value(f"[data-field='{end}-{k}']")) for k in (0, 1) for end in ("lower", "upper")]
+
+
+def at(page: Page, x: float, y: float) -> tuple[float, float]:
+    """Return a place in the window, by parts of the image from the left and from below."""
+    box = page.locator("#image").bounding_box()
+    assert box is not None
+    return box["x"] + x * box["width"], box["y"] + (1 - y) * box["height"]
+
+
+def write(page: Page, text: str) -> None:
+    """Type equations, and wait for their image."""
+    page.click("#type")
+    page.fill("#text", text)
+    after(page, lambda: page.click("#equations button"))
+
+
+def along(page: Page, lower: float = 0.5, upper: float = 0.7, stills: str = "20") -> None:
+    """Choose the values along which films and diagrams go."""
+    page.fill("#along-lower", str(lower))
+    page.fill("#along-upper", str(upper))
+    page.select_option("#stills", stills)
+
+
+def saved(page: Page, button: str, path: Path) -> Path:
+    """Press a button, and keep the file that it has the browser download."""
+    with page.expect_download() as download:
+        press(page, button)
+    download.value.save_as(path)
+    return path

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from browser_pages import GALLERY, launched, opened
+from browser_pages import launched, opened
+from browser_systems import GALLERY
 from playwright.sync_api import Browser, Page
 
 from cellmap.explorer import Explorer

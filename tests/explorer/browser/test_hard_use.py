@@ -9,21 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser_pages import (
-    GALLERY,
-    SWING,
-    TURN,
-    WELLS,
-    WINDOW,
-    after,
-    assert_shown,
-    choose,
-    opened,
-    pixels,
-    press,
-    put,
-    until,
-)
+from browser_pages import after, along, assert_shown, at, choose, opened, pixels, press, put, saved, until
+from browser_systems import GALLERY, SWING, TURN, WELLS, WINDOW
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
@@ -31,6 +18,8 @@ from cellmap import find_basins, stroboscopic_map
 from cellmap.explorer import Explorer
 from cellmap.explorer.images import Images
 from cellmap.explorer.serving import serve
+
+pytestmark = pytest.mark.thorough
 
 
 @pytest.fixture
@@ -52,9 +41,6 @@ def text(page: Page, element: str) -> str:
     return f"document.querySelector('{element}').textContent"
 
 
-# --- the window
-
-
 def test_no_window_freezes_the_page(page: Page) -> None:
     """The limits 0.3 and 0.30000000000000004 are neighbours among the floating-point numbers."""
     page.evaluate("location.hash = '#schema=1&system=wells&lower=0.3,-1&upper=0.30000000000000004,1'")
@@ -62,9 +48,7 @@ def test_no_window_freezes_the_page(page: Page) -> None:
     assert page.evaluate("document.getElementById('frame').classList.contains('stale')")
     after(page, lambda: page.click("#reset"))
     assert_shown(page, find_basins(WELLS, WINDOW))
-    box = page.locator("#image").bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + 0.7 * box["width"], box["y"] + 0.3 * box["height"])
+    page.mouse.move(*at(page, 0.7, 0.7))
     for _ in range(90):
         page.mouse.wheel(0, -300)
     until(page, f"{text(page, '#window-note')}.includes('Closer in there are no numbers')")
@@ -85,14 +69,8 @@ def test_numbers_have_the_digits_of_the_window(page: Page) -> None:
         assert numbers(f"entered('{value}')") == eval(value)
     assert numbers("entered('0.3 + x')") is None or np.isnan(numbers("entered('0.3 + x')"))
     assert numbers("axisName({ name: 'x', unit: 'm' }, 0.3, 0.3 + 1e-12)") == "x − 0.3 (m)"
-    assert [t["text"] for t in numbers("ticks(0.3, 0.3 + 1e-12, 5)")] == [
-        "0",
-        "2e-13",
-        "4e-13",
-        "6e-13",
-        "8e-13",
-        "1e-12",
-    ]
+    ticks = [t["text"] for t in numbers("ticks(0.3, 0.3 + 1e-12, 5)")]
+    assert ticks == "0 2e-13 4e-13 6e-13 8e-13 1e-12".split()
     for lower, upper in ((0.3, 0.3), (0.3, 0.30000000000000004), (0, 5e-324), (-1e308, 1e308), (1, 0)):
         assert len(numbers(f"ticks({lower}, {upper}, 6)")) <= 18
     assert numbers("impossible([0.3], [0.30000000000001], [500])") != ""
@@ -115,9 +93,6 @@ def test_pixels_finer_than_the_map_are_called_noise(page: Page) -> None:
     assert page.locator("#noise").is_hidden()
 
 
-# --- films
-
-
 FILM_LOG = """document.addEventListener("drawn", ({ detail }) => (window.reels ??= []).push(detail.film && [
   document.getElementById("reel").textContent, document.getElementById("value-keep").valueAsNumber,
 ]));"""
@@ -134,9 +109,7 @@ def test_images_of_a_film_are_named_stop_and_go_on(page: Page, tmp_path: Any, mo
 
     monkeypatch.setattr(Images, "frames", slower)
     page.evaluate(FILM_LOG)
-    page.fill("#along-lower", "0.5")
-    page.fill("#along-upper", "0.7")
-    page.select_option("#stills", "20")
+    along(page)
     page.click("#film")
     assert eleventh.wait(20.0)
     page.locator(".work", has_text="computing the images of the film").locator(".cancel").click()
@@ -150,9 +123,7 @@ def test_images_of_a_film_are_named_stop_and_go_on(page: Page, tmp_path: Any, mo
     until(page, "document.getElementById('preview').hidden")
     assert page.input_value("#value-keep") == "0.6"
     page.evaluate("window.reels = []")
-    with page.expect_download() as download:
-        page.click("#film")
-    download.value.save_as(tmp_path / "basins.gif")
+    saved(page, "#film", tmp_path / "basins.gif")
     assert min(slider for _, slider in filter(None, page.evaluate("window.reels"))) >= 0.6
     with Image.open(tmp_path / "basins.gif") as still:
         assert still.n_frames == 20
@@ -161,25 +132,16 @@ def test_images_of_a_film_are_named_stop_and_go_on(page: Page, tmp_path: Any, mo
     assert page.locator("#reel").is_hidden()
 
 
-# --- messages, clocks, cancelling
-
-
 def test_what_fails_is_told_beside_it_and_what_cannot_be_done_is_disabled(page: Page) -> None:
     page.click("#tab-accuracy")
     assert page.locator("#certify").is_disabled()
     assert "the map is exact" in page.inner_text("#right")
-    assert (
-        page.get_attribute("#certify", "title")
-        == "the map is exact, and has no interpolation errors; choose a map of cells"
-    )
+    title = page.get_attribute("#certify", "title")
+    assert title == "the map is exact, and has no interpolation errors; choose a map of cells"
     page.click("#tab-along")
-    page.fill("#along-lower", "7")
-    page.fill("#along-upper", "6")
+    along(page, 7, 6)
     page.click("#diagram")
-    until(
-        page,
-        "[...document.querySelectorAll('.why.failure')].some((e) => /the range is empty/.test(e.textContent))",
-    )
+    until(page, "[...document.querySelectorAll('.why.failure')].some((e) => /the range is empty/.test(e.textContent))")
     told = page.locator(".why.failure", has_text="the range is empty or inverted").bounding_box()
     button = page.locator("#diagram").bounding_box()
     assert told is not None
@@ -221,9 +183,6 @@ def test_a_question_can_be_cancelled(page: Page, monkeypatch: pytest.MonkeyPatch
     released.set()
 
 
-# --- links and servers
-
-
 def test_a_link_keeps_colours(page: Page, browser: Browser, explorer: Explorer) -> None:
     page.click("#link")
     until(page, "document.body.textContent.includes('opens this view, with its colours')")
@@ -251,11 +210,10 @@ def test_colours_stay_when_the_map_changes(page: Page) -> None:
 def test_a_view_outlives_its_server(browser: Browser) -> None:
     context = browser.new_context()
     page = context.new_page()
+    there = "document.querySelectorAll('#attractors td').length > 0 && document.getElementById('preview').hidden"
     with serve(GALLERY, open_page=False) as running:
         page.goto(running.address)
-        until(
-            page, "document.querySelectorAll('#attractors td').length > 0 && document.getElementById('preview').hidden"
-        )
+        until(page, there)
         put(page, "keep", 0.7)()
         until(page, "document.getElementById('preview').hidden && location.hash.includes('p.keep=0.7')")
         port = int(running.address.split(":")[2].split("/")[0])
@@ -264,15 +222,10 @@ def test_a_view_outlives_its_server(browser: Browser) -> None:
     with serve(GALLERY, port, open_page=False) as again:
         page.fill("#next", again.address)
         page.click("#go")
-        until(
-            page, "document.querySelectorAll('#attractors td').length > 0 && document.getElementById('preview').hidden"
-        )
+        until(page, there)
         assert page.input_value("#value-keep") == "0.7"
         assert page.url.startswith(again.address)
     context.close()
-
-
-# --- small things
 
 
 def test_one_wrong_number_spoils_nothing(page: Page) -> None:
@@ -330,9 +283,7 @@ def test_a_row_lights_its_basin_and_an_image_has_the_pixels_of_the_screen(page: 
     colours = [np.unique(before[rows], axis=0) for rows in (same, ~same)]
     assert [len(c) for c in colours] == [1, 1]
     assert np.abs(np.unique(lit[~same], axis=0) - (255 - 0.25 * (255.0 - colours[1]))).max() <= 1
-    box = page.locator("#image").bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + box["width"] * 0.75, box["y"] + box["height"] * 0.5)
+    page.mouse.move(*at(page, 0.75, 0.5))
     page.wait_for_timeout(200)
     assert np.array_equal(pixels(page).reshape(-1, 3), before)
     assert "fixed point (1, 0)" in page.inner_text("#attractors tr.lit")

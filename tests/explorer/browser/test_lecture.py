@@ -2,35 +2,22 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from browser_pages import (
-    GALLERY,
-    LOG,
-    SWING,
-    TURN,
-    WELLS,
-    WINDOW,
-    after,
-    assert_shown,
-    opened,
-    pixels,
-    press,
-    put,
-    until,
-)
-from matplotlib.image import imread
+from browser_pages import LOG, after, along, assert_shown, at, canvas, opened, pixels, put, saved, until
+from browser_systems import GALLERY, SWING, TURN, WELLS, WINDOW
 from playwright.sync_api import Browser, Page
 
 from cellmap import find_basins, stroboscopic_map
 from cellmap.explorer import Explorer, export_html
 from cellmap.explorer.serving import serve
+
+pytestmark = pytest.mark.thorough
+
 
 VIEWS = """
 [[view]]
@@ -61,12 +48,6 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Explorer]:
     path.write_text(VIEWS)
     with serve(GALLERY, open_page=False, views=path, watchers=2, host="127.0.0.1") as running:
         yield running
-
-
-def at(page: Page, x: float, y: float) -> tuple[float, float]:
-    box = page.locator("#image").bounding_box()
-    assert box is not None
-    return box["x"] + x * box["width"], box["y"] + (1 - y) * box["height"]
 
 
 def test_views_are_chosen_by_keys_and_told_in_large_type(browser: Browser, shared: Explorer) -> None:
@@ -120,9 +101,8 @@ def test_an_orbit_follows_the_pointer_and_moves_with_its_pendulum(page: Page) ->
     until(page, "document.getElementById('ends').textContent.startsWith('(1.')")
     assert page.inner_text("#ends") != told
     assert page.locator("#ends li").count() == 1
-    assert float(page.input_value("[data-field=lower-0]")) == pytest.approx(
-        -np.pi, abs=1e-3
-    )  # the window has not moved
+    lower = float(page.input_value("[data-field=lower-0]"))
+    assert lower == pytest.approx(-np.pi, abs=1e-3)  # the window has not moved
     page.click("#run")
     assert page.inner_text("#run") == "Run"
 
@@ -195,12 +175,8 @@ def test_those_who_watch_see_the_same_images(browser: Browser, shared: Explorer)
 
 def test_a_page_to_take_home_has_the_images_of_the_library(browser: Browser, page: Page, tmp_path: Path) -> None:
     file = export_html(tmp_path / "wells.html", WELLS, {"keep": [0.5, 0.6, 0.7]}, WINDOW, progress=False)
-    page.fill("#along-lower", "0.5")
-    page.fill("#along-upper", "0.7")
-    page.select_option("#stills", "20")
-    with page.expect_download() as download:
-        press(page, "#html")
-    download.value.save_as(tmp_path / "film.html")
+    along(page)
+    saved(page, "#html", tmp_path / "film.html")
     context = browser.new_context(offline=True)
     home = context.new_page()
     said: list[Any] = []
@@ -227,8 +203,7 @@ def test_a_page_to_take_home_has_the_images_of_the_library(browser: Browser, pag
 
 def test_unstable_manifolds_are_drawn_as_well(page: Page) -> None:
     def white() -> int:
-        file = page.evaluate("document.getElementById('overlay').toDataURL('image/png')")
-        image = imread(io.BytesIO(base64.b64decode(file.split(",")[1])))
+        image = canvas(page, "overlay")
         right = image[:, int(0.52 * image.shape[1]) :]  # of the saddle's cross
         return int((right > 0.98).all(axis=-1).sum())
 

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from browser_pages import WELLS, WINDOW, after, assert_shown, choose, drawn, pixels, press, put, until
-from matplotlib.image import imread
+from browser_pages import after, along, assert_shown, at, canvas, choose, drawn, pixels, press, put, saved, until, write
+from browser_systems import WELLS, WINDOW
 from PIL import Image
 from playwright.sync_api import Page
 
 from cellmap import find_basins
+
+pytestmark = pytest.mark.thorough
 
 
 def test_equations_are_read_from_a_file(page: Page, tmp_path: Any) -> None:
@@ -42,13 +42,11 @@ def test_a_mistake_is_selected_in_the_text(page: Page) -> None:
 
 
 def test_pointing_and_clicking(page: Page) -> None:
-    box = page.locator("#image").bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + box["width"] * 0.75, box["y"] + box["height"] * 0.5)
+    page.mouse.move(*at(page, 0.75, 0.5))
     assert page.inner_text("#here").startswith("x = 1")
     assert "fixed point (1, 0)" in page.inner_text("#here")
     for x in (0.75, 0.25):
-        page.mouse.click(box["x"] + box["width"] * x, box["y"] + box["height"] * 0.45)
+        page.mouse.click(*at(page, x, 0.55))
         page.wait_for_timeout(200)
     until(page, "document.querySelectorAll('#ends li').length === 2")
     assert "fixed point (1, 0), in its trapping region after" in page.inner_text("#ends li:nth-child(1)")
@@ -56,10 +54,7 @@ def test_pointing_and_clicking(page: Page) -> None:
 
 
 def test_an_attractor_that_goes_is_announced(page: Page) -> None:
-    text = "x -> x + 0.2*(x - x**3 + h) + 0*y\ny -> 0.5*y\nh = 0.1"
-    page.click("#type")
-    page.fill("#text", text)
-    after(page, lambda: page.click("#equations button"))
+    write(page, "x -> x + 0.2*(x - x**3 + h) + 0*y\ny -> 0.5*y\nh = 0.1")
     assert page.inner_text("#attractors").count("fixed point") == 2
     colours = set(map(tuple, np.unique(pixels(page).reshape(-1, 3), axis=0).tolist()))
     after(page, put(page, "h", 0.5))
@@ -72,9 +67,7 @@ def test_an_attractor_that_goes_is_announced(page: Page) -> None:
 def test_saddles_are_drawn_until_the_image_changes(page: Page) -> None:
     def marks() -> int:
         page.wait_for_timeout(100)
-        file = page.evaluate("document.getElementById('overlay').toDataURL('image/png')")
-        image = imread(io.BytesIO(base64.b64decode(file.split(",")[1])))
-        return int((np.abs(image - [0.8, 0, 0, 1]) < 0.01).all(axis=-1).sum())
+        return int((np.abs(canvas(page, "overlay") - [0.8, 0, 0, 1]) < 0.01).all(axis=-1).sum())
 
     before = marks()
     page.click("#saddles")
@@ -99,9 +92,7 @@ def test_measures_and_certificates_are_shown(page: Page) -> None:
 
 
 def test_a_click_in_the_stability_map_moves_both_parameters(page: Page) -> None:
-    page.click("#type")
-    page.fill("#text", "x -> x + 0.2*(a*x - x**3 + h) + 0*y\ny -> 0.5*y\na = 1.0\nh = 0.0")
-    after(page, lambda: page.click("#equations button"))
+    write(page, "x -> x + 0.2*(a*x - x**3 + h) + 0*y\ny -> 0.5*y\na = 1.0\nh = 0.0")
     press(page, "#stability")
     until(page, "!document.getElementById('plane').hidden")
     page.select_option("#stable", index=1)
@@ -125,12 +116,8 @@ def test_a_bifurcation_diagram_moves_the_parameter_and_a_film_is_made(page: Page
     keep = float(page.input_value("#value-keep"))
     assert keep == pytest.approx(0.3 + 0.75 * 0.6, abs=0.01)
     assert_shown(page, find_basins(WELLS.with_params(keep=keep), WINDOW))
-    page.fill("#along-lower", "0.5")
-    page.fill("#along-upper", "0.7")
-    with page.expect_download() as download:
-        page.click("#film")
-    download.value.save_as(tmp_path / "basins.gif")
-    with Image.open(tmp_path / "basins.gif") as still:
+    along(page, stills="40")
+    with Image.open(saved(page, "#film", tmp_path / "basins.gif")) as still:
         assert still.n_frames == 40
         still.seek(39)
         shown = np.array(still.convert("RGB"))
@@ -149,10 +136,7 @@ def test_views_are_kept_and_saved_as_vectors(page: Page, tmp_path: Any) -> None:
     after(page, lambda: page.click("#kept button"))
     assert page.input_value("#value-keep") == "0.6"
     assert_shown(page, find_basins(WELLS, WINDOW))
-    with page.expect_download() as download:
-        press(page, "#svg")
-    download.value.save_as(tmp_path / "basins.svg")
-    root = ElementTree.parse(tmp_path / "basins.svg").getroot()
+    root = ElementTree.parse(saved(page, "#svg", tmp_path / "basins.svg")).getroot()
     assert len(root.findall("{*}circle")) == 2
     assert len(root.findall("{*}image")) == 1
 
@@ -160,17 +144,8 @@ def test_views_are_kept_and_saved_as_vectors(page: Page, tmp_path: Any) -> None:
 def test_the_script_is_downloaded_and_runs(page: Page, tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
     after(page, put(page, "keep", 0.7))
     names: dict[str, Any] = {"__name__": "script"}
-    for button, name in (
-        ("#script", "basins.py"),
-        ("#png", "basins.png"),
-        ("#hdf5", "basins.h5"),
-        ("#netcdf", "basins.nc"),
-    ):
-        with page.expect_download() as download:
-            press(page, button)
-        download.value.save_as(tmp_path / name)
-    text = (tmp_path / "basins.py").read_text().replace("from browser_pages import WELLS as system", "")
-    exec(text, {**names, "system": WELLS})
+    text = saved(page, "#script", tmp_path / "basins.py").read_text()
+    exec(text.replace("from browser_systems import WELLS as system", ""), {**names, "system": WELLS})
     assert "bit by bit" in capsys.readouterr().out
-    assert (tmp_path / "basins.png").read_bytes().startswith(b"\x89PNG")
-    assert (tmp_path / "basins.nc").read_bytes().startswith(b"\x89HDF")
+    for button, begins in (("#png", b"\x89PNG"), ("#hdf5", b"\x89HDF"), ("#netcdf", b"\x89HDF")):
+        assert saved(page, button, tmp_path / "basins").read_bytes().startswith(begins)

@@ -6,8 +6,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from browser_pages import after, until
+from browser_pages import after, at, until
 from playwright.sync_api import Page
+
+pytestmark = pytest.mark.thorough
+
 
 COUNT = """
 window.clicks = 0;
@@ -32,9 +35,7 @@ def counted(page: Page) -> Iterator[Callable[[Callable[[], object]], int]]:
 
 def test_twelve_tasks(page: Page, counted: Callable[[Callable[[], object]], int], tmp_path: Path) -> None:
     """Opening took no click: the page is complete."""
-    box = page.locator("#image").bounding_box()
-    assert box is not None
-    middle = box["x"] + 0.7 * box["width"], box["y"] + 0.5 * box["height"]
+    middle = at(page, 0.7, 0.5)
     took = {"open": 0}
 
     took["change the system"] = 1 + counted(lambda: after(page, lambda: page.select_option("#system", "swing")))
@@ -59,23 +60,19 @@ def test_twelve_tasks(page: Page, counted: Callable[[Callable[[], object]], int]
     took["saddles"] = counted(lambda: (page.click("#saddles"), until(page, "document.querySelector('#found li')")))
     took["zoom"] = counted(lambda: after(page, lambda: (page.mouse.move(*middle), page.mouse.wheel(0, -200))))
 
-    def film() -> None:
+    def download(button: str) -> None:
         with page.expect_download():
-            page.click("#film")
+            page.click(button)
 
     page.click("#tab-along")  # which is open at first
     page.select_option("#stills", "20")
-    took["film"] = counted(film)
+    took["film"] = counted(lambda: download("#film"))
     until(page, "document.getElementById('preview').hidden")
     took["link"] = counted(
         lambda: (page.click("#link"), until(page, "document.body.textContent.includes('opens this view')"))
     )
 
-    def script() -> None:
-        with page.expect_download():
-            page.click("#script")
-
-    took["Python program"] = counted(script)
+    took["Python program"] = counted(lambda: download("#script"))
     was = page.input_value("#value-keep")
     took["undo"] = counted(lambda: after(page, lambda: page.keyboard.press("Control+z")))
     after(page, lambda: page.keyboard.press("Control+z"))

@@ -6,23 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from browser_pages import (
-    GALLERY,
-    LOG,
-    PUSHED,
-    SWING,
-    TURN,
-    WELLS,
-    WINDOW,
-    after,
-    assert_shown,
-    drawn,
-    limits,
-    opened,
-    pixels,
-    put,
-    until,
-)
+from browser_pages import LOG, after, assert_shown, at, drawn, limits, opened, pixels, put, until
+from browser_systems import GALLERY, PUSHED, SWING, TURN, WELLS, WINDOW
 from playwright.sync_api import Browser, Page
 
 from cellmap import CellGrid, Label, find_basins, stroboscopic_map
@@ -30,6 +15,8 @@ from cellmap.basins import BasinFrame
 from cellmap.explorer import Explorer
 from cellmap.explorer.protocol import LOWEST
 from cellmap.explorer.serving import serve
+
+pytestmark = pytest.mark.thorough
 
 
 def test_the_image_follows_a_slider(page: Page) -> None:
@@ -60,9 +47,7 @@ def test_a_preview_is_spread_as_the_library_fills_its_frames(page: Page, shape: 
 
 
 def test_the_window_is_changed_by_wheel_drag_box_fields_and_history(page: Page) -> None:
-    box = page.locator("#image").bounding_box()
-    assert box is not None
-    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    middle = at(page, 0.5, 0.5)
 
     def wheel() -> None:
         page.mouse.move(*middle)
@@ -73,7 +58,7 @@ def test_the_window_is_changed_by_wheel_drag_box_fields_and_history(page: Page) 
         if shift:
             page.keyboard.down("Shift")
         page.mouse.down()
-        page.mouse.move(middle[0] + box["width"] / 4, middle[1] + box["height"] / 8, steps=5)
+        page.mouse.move(*at(page, 0.75, 0.375), steps=5)
         page.mouse.up()
         page.keyboard.up("Shift")
 
@@ -161,14 +146,13 @@ def test_the_equations_are_typeset_with_a_sentence_and_units(page: Page) -> None
 
 def test_a_drag_ends_with_its_system(page: Page) -> None:
     """What is begun in a window of two coordinates has no meaning for a strip of one."""
-    box = page.locator("#image").bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + 100, box["y"] + 100)
+    x, y = at(page, 0.0, 1.0)
+    page.mouse.move(x + 100, y + 100)
     page.mouse.down()
-    page.mouse.move(box["x"] + 150, box["y"] + 100)
+    page.mouse.move(x + 150, y + 100)
     page.evaluate("document.getElementById('text').value = 'x -> a*x*(1 - x)\\na = 2.5'")
     after(page, lambda: page.evaluate("document.querySelector('#equations button').click()"))
-    page.mouse.move(box["x"] + 200, box["y"] + 120)
+    page.mouse.move(x + 200, y + 120)
     page.mouse.up()
     assert page.locator("[data-field]").count() == 2
     assert page.input_value("[data-field=lower-0]") == "-2"
