@@ -218,6 +218,7 @@ def test_a_view_outlives_its_server(browser: Browser) -> None:
         until(page, "document.getElementById('preview').hidden && location.hash.includes('p.keep=0.7')")
         port = int(running.address.split(":")[2].split("/")[0])
     until(page, "!document.getElementById('away').hidden")
+    until(page, "document.getElementById('state').textContent.includes('cannot be reached')")
     assert "keeps its view" in page.inner_text("#away")
     with serve(GALLERY, port, open_page=False) as again:
         page.fill("#next", again.address)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser_pages import LOG, after, along, assert_shown, at, canvas, opened, pixels, put, saved, until
+from browser_pages import LOG, after, along, assert_shown, at, opened, pixels, put, saved, until
 from browser_systems import GALLERY, SWING, TURN, WELLS, WINDOW
 from playwright.sync_api import Browser, Page
 
@@ -199,17 +199,3 @@ def test_a_page_to_take_home_has_the_images_of_the_library(browser: Browser, pag
     assert said == []
     assert file.stat().st_size < 100_000
     context.close()
-
-
-def test_unstable_manifolds_are_drawn_as_well(page: Page) -> None:
-    def white() -> int:
-        image = canvas(page, "overlay")
-        right = image[:, int(0.52 * image.shape[1]) :]  # of the saddle's cross
-        return int((right > 0.98).all(axis=-1).sum())
-
-    before = white()
-    page.click("#saddles")
-    until(page, "document.querySelectorAll('#found li').length === 1")
-    page.wait_for_timeout(200)
-    assert white() > before + 50
-    assert page.locator("#found").is_visible()

@@ -1,7 +1,9 @@
-"""What a page does beside its image: equations typed, orbits pointed at, analyses, films, files."""
+"""What a page does beside its image: equations, orbits, analyses, films, files; twelve tasks in as few clicks."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -17,7 +19,7 @@ from cellmap import find_basins
 pytestmark = pytest.mark.thorough
 
 
-def test_equations_are_read_from_a_file(page: Page, tmp_path: Any) -> None:
+def test_equations_are_read_from_a_file_and_a_mistake_is_selected_in_the_text(page: Page, tmp_path: Any) -> None:
     (tmp_path / "wells.txt").write_text("x -> x + v + 0.2*(x - x**3)\nv -> keep*v + 0.2*(x - x**3)\nkeep = 0.6\n")
     page.click("#type")
     after(page, lambda: page.set_input_files("#file", tmp_path / "wells.txt"))
@@ -30,10 +32,6 @@ def test_equations_are_read_from_a_file(page: Page, tmp_path: Any) -> None:
     assert page.eval_on_selector("#text", selected) == "open(by)/by"
     page.set_input_files("#file", {"name": "long.txt", "mimeType": "text/plain", "buffer": b"x" * 20000})
     until(page, "document.getElementById('mistake').textContent.includes('long.txt has 20000 bytes')")
-
-
-def test_a_mistake_is_selected_in_the_text(page: Page) -> None:
-    page.click("#type")
     page.fill("#text", "θ̈ = -sin^2(θ)\nperiod = 1")
     page.click("#equations button")
     until(page, "document.getElementById('mistake').textContent.includes('write  sin(theta)^2')")
@@ -64,16 +62,24 @@ def test_an_attractor_that_goes_is_announced(page: Page) -> None:
     assert left < colours
 
 
-def test_saddles_are_drawn_until_the_image_changes(page: Page) -> None:
+def test_saddles_and_their_manifolds_are_drawn_until_the_image_changes(page: Page) -> None:
     def marks() -> int:
         page.wait_for_timeout(100)
         return int((np.abs(canvas(page, "overlay") - [0.8, 0, 0, 1]) < 0.01).all(axis=-1).sum())
 
-    before = marks()
+    def white() -> int:
+        image = canvas(page, "overlay")
+        right = image[:, int(0.52 * image.shape[1]) :]  # of the saddle's cross
+        return int((right > 0.98).all(axis=-1).sum())
+
+    before, without = marks(), white()
     page.click("#saddles")
     until(page, "document.querySelectorAll('#found li').length === 1")
     assert "saddle, period 1, at (0, 0), |multipliers| 1.36, 0.442" in page.inner_text("#found")
     assert marks() > before == 0
+    page.wait_for_timeout(200)
+    assert white() > without + 50
+    assert page.locator("#found").is_visible()
     after(page, put(page, "keep", 0.62))
     assert page.inner_text("#found") == ""
     assert marks() == before
@@ -149,3 +155,88 @@ def test_the_script_is_downloaded_and_runs(page: Page, tmp_path: Any, capsys: py
     assert "bit by bit" in capsys.readouterr().out
     for button, begins in (("#png", b"\x89PNG"), ("#hdf5", b"\x89HDF"), ("#netcdf", b"\x89HDF")):
         assert saved(page, button, tmp_path / "basins").read_bytes().startswith(begins)
+
+
+COUNT = """
+window.clicks = 0;
+for (const kind of ["pointerdown", "change"]) document.addEventListener(kind, (event) => {
+  if (kind === "pointerdown" || event.target.matches("select")) window.clicks += 1;
+}, true);
+"""
+
+
+@pytest.fixture
+def counted(page: Page) -> Iterator[Callable[[Callable[[], object]], int]]:
+    """Count clicks, and choices in lists as one more than none."""
+    page.evaluate(COUNT)
+
+    def clicks(act: Callable[[], object]) -> int:
+        before = page.evaluate("window.clicks")
+        act()
+        return int(page.evaluate("window.clicks")) - before
+
+    yield clicks
+
+
+def test_twelve_tasks(page: Page, counted: Callable[[Callable[[], object]], int], tmp_path: Path) -> None:
+    """Opening took no click: the page is complete."""
+    middle = at(page, 0.7, 0.5)
+    took = {"open": 0}
+
+    took["change the system"] = 1 + counted(lambda: after(page, lambda: page.select_option("#system", "swing")))
+    page.keyboard.press("Control+z")
+    until(page, "document.getElementById('system').value === 'wells' && document.getElementById('preview').hidden")
+
+    def drag() -> None:
+        slider = page.get_by_label("keep, slider").bounding_box()
+        assert slider is not None
+        page.mouse.move(slider["x"] + slider["width"] / 2, slider["y"] + slider["height"] / 2)
+        page.mouse.down()
+        page.mouse.move(slider["x"] + slider["width"] * 0.55, slider["y"] + slider["height"] / 2, steps=3)
+        page.mouse.up()
+
+    took["drag a parameter"] = counted(lambda: after(page, drag))
+    page.mouse.move(*middle)
+    took["which attractor"] = counted(
+        lambda: until(page, "document.getElementById('here').textContent.includes('fixed')")
+    )
+    took["orbit"] = counted(lambda: (page.mouse.click(*middle), until(page, "document.querySelector('#ends li')")))
+    assert page.locator("#series").is_visible()
+    took["saddles"] = counted(lambda: (page.click("#saddles"), until(page, "document.querySelector('#found li')")))
+    took["zoom"] = counted(lambda: after(page, lambda: (page.mouse.move(*middle), page.mouse.wheel(0, -200))))
+
+    def download(button: str) -> None:
+        with page.expect_download():
+            page.click(button)
+
+    page.click("#tab-along")  # which is open at first
+    page.select_option("#stills", "20")
+    took["film"] = counted(lambda: download("#film"))
+    until(page, "document.getElementById('preview').hidden")
+    took["link"] = counted(
+        lambda: (page.click("#link"), until(page, "document.body.textContent.includes('opens this view')"))
+    )
+
+    took["Python program"] = counted(lambda: download("#script"))
+    was = page.input_value("#value-keep")
+    took["undo"] = counted(lambda: after(page, lambda: page.keyboard.press("Control+z")))
+    after(page, lambda: page.keyboard.press("Control+z"))
+    assert page.input_value("#value-keep") != was
+
+    def equation() -> None:
+        page.click("#type")
+        page.fill("#text", "x'' = x - x^3 - δ x' + γ cos(t)\nδ = 0.15\nγ = 0.2\nperiod = 2π")
+        page.click("#equations [type=submit]")
+        until(page, "document.getElementById('value-delta') !== null")
+
+    took["own equation"] = counted(equation)
+
+    def phase() -> None:
+        page.get_by_label("Play phase of the section").click()
+        until(page, "Number(document.getElementById('value-phase of the section').value) > 0.01")
+
+    took["phase"] = counted(phase)
+    none = ("open", "zoom", "which attractor", "undo")
+    allowed = {**dict.fromkeys(took, 1), **dict.fromkeys(none, 0), "change the system": 2, "own equation": 3}
+    assert len(took) == 13
+    assert {task: n for task, n in took.items() if n > allowed[task]} == {}

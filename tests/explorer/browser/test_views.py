@@ -6,15 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from browser_pages import LOG, after, assert_shown, at, drawn, limits, opened, pixels, put, until
-from browser_systems import GALLERY, PUSHED, SWING, TURN, WELLS, WINDOW
+from browser_pages import after, assert_shown, at, drawn, limits, opened, pixels, put, until
+from browser_systems import PUSHED, SWING, TURN, WELLS, WINDOW
 from playwright.sync_api import Browser, Page
 
 from cellmap import CellGrid, Label, find_basins, stroboscopic_map
 from cellmap.basins import BasinFrame
 from cellmap.explorer import Explorer
 from cellmap.explorer.protocol import LOWEST
-from cellmap.explorer.serving import serve
 
 pytestmark = pytest.mark.thorough
 
@@ -177,14 +176,3 @@ def test_it_fits_on_a_phone_and_in_the_dark(browser: Browser, explorer: Explorer
 def test_what_an_address_says_amiss_is_left_out(browser: Browser, explorer: Explorer, state: str) -> None:
     with opened(browser, f"{explorer.address}#schema=1&system=wells&{state}") as page:
         assert_shown(page, find_basins(WELLS, WINDOW))
-
-
-def test_a_page_says_that_its_server_is_away(browser: Browser) -> None:
-    with serve(GALLERY, open_page=False) as running:
-        context = browser.new_context()
-        page = context.new_page()
-        page.add_init_script(LOG)
-        page.goto(running.address)
-        until(page, "window.frames.some((f) => f.complete)")
-    until(page, "document.getElementById('state').textContent.includes('cannot be reached')")
-    context.close()
