@@ -1,4 +1,4 @@
-"""Branches and curves through netCDF files, and restarts at their points."""
+"""Branches and curves through netCDF files and in AUTO's format, and restarts at their points."""
 
 from __future__ import annotations
 
@@ -11,8 +11,15 @@ import pytest
 import xarray
 
 from cellmap import ForcedSystem, continue_orbit, discrete_map, periodic_orbit, stroboscopic_map
-from cellmap.bifurcations import BifurcationKind, Branch, OrbitFunction, continue_bifurcation, switch_branch
-from cellmap.exchange import from_xarray, to_xarray
+from cellmap.bifurcations import (
+    BifurcationCurve,
+    BifurcationKind,
+    Branch,
+    OrbitFunction,
+    continue_bifurcation,
+    switch_branch,
+)
+from cellmap.exchange import from_xarray, save_auto, to_xarray
 from cellmap.maps import Impact
 from systems import henon_map
 
@@ -35,16 +42,15 @@ def same(one: Any, other: Any) -> None:
     assert one.ends == other.ends and one.period == other.period
 
 
+@pytest.mark.thorough
 def test_a_branch_that_ends_at_grazing_returns_from_a_file(tmp_path: Path) -> None:
     """Beside grazing one multiplier is as large as one likes, and at it there is none."""
     wall = Impact(lambda t, x, p: 1.0 - x[0], lambda t, x, p: (x[0], -0.8 * x[1]))
-    struck = ForcedSystem(
-        lambda t, x, p: (x[1], p.F * cos(0.7 * t) - 0.1 * x[1] - x[0]),
-        {"F": 0.53},
-        2 * pi / 0.7,
-        ("x", "v"),
-        impacts=[wall],
-    )
+
+    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return x[1], p.F * cos(0.7 * t) - 0.1 * x[1] - x[0]
+
+    struck = ForcedSystem(rhs, {"F": 0.53}, 2 * pi / 0.7, ("x", "v"), impacts=[wall])
     exact = stroboscopic_map(struck, rtol=1e-11, atol=1e-11)
     branch = continue_orbit(exact, periodic_orbit(exact, exact.iterate([0.2, 0.3], 400).points), "F", 0.5, 0.53, 0.1)
     assert branch.ends == ("grazing", "left the interval")
@@ -74,6 +80,7 @@ def test_a_branch_from_a_file_is_continued_as_before(branch: Branch, tmp_path: P
     assert second.codimension_two() == curve.codimension_two() == ()
 
 
+@pytest.mark.thorough
 def test_orbits_in_segments_from_a_file(tmp_path: Path) -> None:
     # The orbit of period two of 1 - a x^2 has the multiplier 4 (1 - a).
     steep = discrete_map(lambda x, p: (1.0 - p.a * x[0] ** 2,), {"a": 1e5}, ("x",))
@@ -111,8 +118,6 @@ def test_restarts_at_points_of_branches_and_curves(branch: Branch) -> None:
 
 
 def test_what_cannot_be_made_again_says_so(branch: Branch) -> None:
-    with pytest.raises(ValueError, match="point_map=None: give the map"):
-        from_xarray(branch.to_xarray())
     (zero,) = branch.with_zeros({"x": lambda t, x, p: x[0] - 1.0}).zeros
     curve = continue_bifurcation(branch, zero, "b", (-0.2, 0.6), (0.2, 0.4), step=0.1)
     # x = 1 - a x^2 + b x at x = 1.
@@ -123,42 +128,36 @@ def test_what_cannot_be_made_again_says_so(branch: Branch) -> None:
         branch.orbit(1000)
 
 
-def drift(at: Any) -> Any:
-    return discrete_map(lambda x, p: (at(x[0], p.q),), {"q": 0.25}, ("x",))
+def drift(at: Any, **params: float) -> Any:
+    return discrete_map(lambda x, p: (at(x[0], p[0]),), params or {"q": 0.25}, ("x",))
 
 
-FORMULAS: Any = {  # orbits x^2 = q with multipliers 1 - 2 x, but for the first
-    "other orbits": lambda x, q: x + q - 2.0 * x**2 - 0.1 * x,
-    "other multipliers": lambda x, q: x + 0.5 * (q - x**2),
-    "no orbit": lambda x, q: x + 1e3,
-}
-
-
-@pytest.fixture(scope="module")
-def roots() -> Branch:
+@pytest.mark.parametrize(
+    ("other", "says"),
+    [  # orbits x^2 = q with multipliers 1 - 2 x
+        (
+            drift(lambda x, q: x + q - 2.0 * x**2 - 0.1 * x),
+            r".*no orbit of it; at q=.* fails to close by.*: give the map",
+        ),
+        (drift(lambda x, q: x + 0.5 * (q - x**2)), r".*multipliers \[.*: give the map"),
+        (drift(lambda x, q: x + 1e3), r".*no orbit of it; at q=.* fails to close by.*: give the map"),
+        (henon_map(), ".*it has other state variables than"),
+        (drift(lambda x, r: x + r - x**2, r=0.25), ".*it has other parameters than"),
+        (None, "None: give the map"),
+    ],
+    ids=["other orbits", "other multipliers", "no orbit", "other variables", "other parameters", "none"],
+)
+def test_another_map_is_refused(other: Any, says: str) -> None:
     exact = drift(lambda x, q: x + q - x**2)
-    return continue_orbit(exact, periodic_orbit(exact, [0.5]), "q", 0.1, 0.8, step=0.1)
-
-
-@pytest.mark.parametrize("name", FORMULAS)
-def test_another_map_is_refused(roots: Branch, name: str) -> None:
-    says = r"multipliers \[" if name == "other multipliers" else r"no orbit of it; at q=.* fails to close by"
-    with pytest.raises(ValueError, match=rf"^point_map=.*{says}.*: give the map"):
-        from_xarray(roots.to_xarray(), drift(FORMULAS[name]))
-
-
-def test_maps_with_other_variables_are_refused(roots: Branch) -> None:
-    with pytest.raises(ValueError, match=r"^point_map=.*it has other state variables than"):
-        from_xarray(roots.to_xarray(), henon_map())
-    with pytest.raises(ValueError, match=r"^point_map=.*it has other parameters than"):
-        from_xarray(roots.to_xarray(), discrete_map(lambda x, p: (x[0] + p.r - x[0] ** 2,), {"r": 0.25}, ("x",)))
+    roots = continue_orbit(exact, periodic_orbit(exact, [0.5]), "q", 0.1, 0.8, step=0.1)
+    with pytest.raises(ValueError, match=f"^point_map={says}"):
+        from_xarray(roots.to_xarray(), other)
 
 
 def test_curves_of_another_map_are_refused(branch: Branch) -> None:
     curve = continue_bifurcation(branch, branch.bifurcations[-1], "b", (-0.2, 0.6), (0.2, 0.4), step=0.2)
-    other = discrete_map(
-        lambda x, p: (1.0 - p.a * x[0] ** 2 + x[1], 0.9 * p.b * x[0]), {"a": 0.2, "b": 0.3}, ("x", "y")
-    )
+    params = {"a": 0.2, "b": 0.3}
+    other = discrete_map(lambda x, p: (1.0 - p.a * x[0] ** 2 + x[1], 0.9 * p.b * x[0]), params, ("x", "y"))
     with pytest.raises(ValueError, match=r"^point_map=.*no orbit of it; at a=.*, b="):
         from_xarray(curve.to_xarray(), other)
 
@@ -190,13 +189,9 @@ def test_zeros_of_named_quantities_come_back(branch: Branch, tmp_path: Path) -> 
     assert [z.function for z in read.zeros] == [z.function for z in mine]
     (one,) = [z for z in read.zeros if z.name == "one"]
     assert one.value == pytest.approx(0.3, abs=1e-12)
-
-
-def test_zeros_on_curves_come_back(branch: Branch) -> None:
     curve = continue_bifurcation(branch, branch.bifurcations[-1], "b", (-0.2, 0.9), (-0.2, 0.9), step=0.1)
     # The period doubling at a = 3/4 (1 - b)^2 has x = (1 - b) / (2 a) = 2 / (3 (1 - b)), which is 1 at b = 1/3.
-    found = curve.with_zeros({"x": OrbitFunction("x", value=1.0)})
-    (zero,) = from_xarray(found.to_xarray(), henon_map()).zeros
+    (zero,) = from_xarray(curve.with_zeros({"x": OrbitFunction("x", value=1.0)}).to_xarray(), henon_map()).zeros
     np.testing.assert_allclose(zero.values, [1.0 / 3.0, 1.0 / 3.0], rtol=1e-10)
 
 
@@ -207,3 +202,70 @@ def test_functions_with_the_names_of_columns_are_refused(branch: Branch, name: s
             convert({name: OrbitFunction("y")})
     with pytest.raises(ValueError, match=r"^functions\['point'\]"):
         branch.to_xarray({"point": 0})
+
+
+# --- files in AUTO's format, read again by fixed columns, as AUTO reads them
+
+
+def read(path: Path) -> dict[int, tuple[list[str], np.ndarray]]:
+    """Return the names of the columns and the rows (point, type, label, values) of each branch of a file."""
+    names: list[str] = []
+    found: dict[int, tuple[list[str], list[list[float]]]] = {}
+    for line in path.read_text().splitlines():
+        number = int(line[:4])
+        if not number:
+            names = line[20:].split() if line[4:].split()[0] == "PT" else names
+            continue
+        head = [float(line[4:10]), float(line[10:14]), float(line[14:19])]
+        values = [float(line[k : k + 19]) for k in range(19, len(line), 19)]
+        found.setdefault(number, (names, []))[1].append(head + values)
+    return {number: (columns, np.array(rows)) for number, (columns, rows) in found.items()}
+
+
+@pytest.fixture(scope="module")
+def curve(branch: Branch) -> BifurcationCurve:
+    return continue_bifurcation(branch, branch.bifurcations[-1], "b", (0.0, 1.4), (-0.5, 0.5), step=0.05)
+
+
+def test_a_branch_and_a_curve(branch: Branch, curve: BifurcationCurve, tmp_path: Path) -> None:
+    path = save_auto([branch, curve], tmp_path / "b.henon")
+    (names, rows), (others, points) = read(path).values()
+    assert names == ["a", "L2-NORM", "x", "y"]
+    assert others == ["a", "L2-NORM", "x", "y", "b"]
+    assert len(rows) == len(branch.values) + len(branch.bifurcations)
+    point, kind, label, value = rows.T[:4]
+    np.testing.assert_array_equal(np.abs(point), np.arange(1, len(rows) + 1))
+    special = np.flatnonzero(kind)
+    np.testing.assert_array_equal(label[special], np.arange(1, len(special) + 1))
+    (doubling,) = np.flatnonzero(kind == 7)
+    np.testing.assert_allclose(value[doubling], 0.75 * 0.7**2, rtol=1e-10)
+    np.testing.assert_array_equal(point[rows[:, 3] > 0.37] > 0, True)
+    assert (point[(value > 0.0) & (value < 0.36) & (rows[:, 5] > 0.0)] < 0).all()
+    assert kind[0] == kind[-1] == 9
+    np.testing.assert_allclose(rows[:, 4], np.hypot(rows[:, 5], rows[:, 6]), rtol=1e-9)
+    np.testing.assert_allclose(points[:, 3], 0.75 * (1.0 - points[:, -1]) ** 2, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.thorough
+def test_norms_and_maxima_over_the_period(curve: BifurcationCurve, tmp_path: Path) -> None:
+    # x'' + b x' + 4 x = cos(t): x = A cos(t - phi), A^2 = 1 / (9 + b^2), for x and v together a norm of A.
+    linear = ForcedSystem(lambda t, x, p: (x[1], cos(t) - 4.0 * x[0] - p.b * x[1]), {"b": 0.5}, 2.0 * pi, ("x", "v"))
+    exact = stroboscopic_map(linear, rtol=1e-12, atol=1e-12)
+    swept = continue_orbit(exact, periodic_orbit(exact, [0.0, 0.0]), "b", 0.1, 1.0, step=0.1)
+    ((names, rows),) = read(save_auto(swept, tmp_path / "b.linear", measures=True)).values()
+    assert names == ["b", "L2-NORM", "MAX_x", "MAX_v"]
+    for column in rows.T[4:]:
+        np.testing.assert_allclose(column, 1.0 / np.sqrt(9.0 + rows[:, 3] ** 2), rtol=1e-9)
+    ((names, rows),) = read(save_auto(curve, tmp_path / "b.henon", measures=True)).values()
+    assert names == ["a", "L2-NORM", "MAX_x", "MAX_y", "b"]
+    np.testing.assert_allclose(rows[:, 5:7], curve.points, rtol=1e-9)
+
+
+def test_the_same_as_labelled_arrays(branch: Branch, curve: BifurcationCurve, tmp_path: Path) -> None:
+    np.testing.assert_array_equal(branch.to_xarray()["a"], branch.values)
+    assert list(branch.to_xarray().data_vars) == list(branch.to_dataframe().columns)
+    labelled = curve.to_xarray()
+    np.testing.assert_array_equal(np.column_stack([labelled["a"], labelled["b"]]), curve.values)
+    assert labelled.attrs["ends"] == ", ".join(curve.ends)
+    with pytest.raises(TypeError, match="give a Branch"):
+        save_auto([], tmp_path / "b.nothing")

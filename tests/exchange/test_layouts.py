@@ -5,21 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray
-from matplotlib.axes import Axes
 
-from cellmap import plot
 from cellmap._lib.arrays import Floats, Ints
 from cellmap._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Layout
-from cellmap._lib.signatures import makers
 from cellmap.attractors.labels import Label
 from cellmap.exchange import from_xarray, to_dataframe
 from cellmap.exchange.records import _Read
-from cellmap.maps import Coordinate, angle
-from cellmap.plot._draw import FIGURES, figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,23 +43,6 @@ class Decay(ConvertsToXarray, ConvertsToDataFrame):
     sure: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class Paths(ConvertsToXarray):
-    """Points of state variables."""
-
-    _layout: ClassVar = Layout(
-        "Paths", {}, {"points": Array("path", name="end_{state}"), "twice": Array("path"), "whole": Array("path step")}
-    )
-
-    points: Floats
-    coordinates: tuple[Coordinate, ...]
-    whole: Floats | None = None
-
-    @property
-    def twice(self) -> Floats:
-        return 2.0 * self.points[:, 0]
-
-
 DECAY = Decay("rods", "my rate", np.array([1.0, 2.0]), np.array([0.5, 0.25]), np.array([-1, -2]), 3.0)
 
 
@@ -79,8 +56,6 @@ def test_variables_attributes_and_a_table_follow():
     assert "errors" not in found and "limit" not in found.attrs
     table = to_dataframe(DECAY)
     assert table["rate"].tolist() == [0.5, 0.25] and "errors" not in table
-    with pytest.raises(TypeError, match="give Basins"):
-        to_dataframe(Paths(np.zeros((2, 2)), (angle("theta"), Coordinate("v")), np.zeros((2, 3))))
 
 
 def test_it_is_read_by_its_types(tmp_path):
@@ -98,28 +73,3 @@ def test_it_is_read_by_its_types(tmp_path):
         _Read(DECAY.to_xarray().assign(rate=DECAY.to_xarray()["rate"].astype(np.int64))).record(Decay)
     with pytest.raises(ValueError, match="record='Decay': give what to_xarray"):
         from_xarray(DECAY.to_xarray())  # which is no public record
-
-
-def test_state_variables_have_an_array_each():
-    paths = Paths(np.array([[0.1, 2.0], [0.2, 3.0]]), (angle("theta"), Coordinate("v", "m/s")))
-    found = paths.to_xarray()
-    assert set(found.variables) == {"end_theta", "end_v", "twice"}
-    assert found["end_v"].attrs == {"long_name": "v", "units": "m/s"}
-    again = _Read(found).record(Paths)
-    np.testing.assert_array_equal(again.points, paths.points)
-    assert again.coordinates == paths.coordinates
-
-
-def test_a_figure_is_known_by_its_first_argument():
-    @figure
-    def decay(result: Decay, *, ax: Axes | None = None) -> Axes:
-        found = plt.figure().subplots() if ax is None else ax
-        found.plot(result.values, result.rate)
-        return found
-
-    try:
-        assert len(plot.draw(DECAY).lines) == 1
-        assert makers(Decay) == "decay_of"
-    finally:
-        del FIGURES[Decay]
-        plt.close("all")
