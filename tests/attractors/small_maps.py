@@ -32,6 +32,3 @@ def grid_of(lower, upper, n=20) -> np.ndarray:
 
 CIRCLE = np.linspace(-pi, pi, 30, endpoint=False)[:, None] + 0.01
 LINE = np.linspace(0.03, 0.97, 30)[:, None]
-
-
-r = list(range(1000))  # a global of the same name as the parameter of the logistic map

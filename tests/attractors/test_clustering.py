@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from math import pi, sin, sqrt
 from typing import Any
 
@@ -12,6 +10,7 @@ import pytest
 
 from cellmap import Label, PointMap, angle, discrete_map, find_basins
 from cellmap.attractors import cluster_orbits
+from cellmap.attractors.feature_groups import check_clusterer, grouped
 from cellmap.orbits import Kind
 
 
@@ -26,6 +25,7 @@ def circles() -> PointMap:
     return discrete_map(between_circles, {}, (angle("a"), "r"))
 
 
+@pytest.mark.thorough
 def test_invariant_circles_are_two_clusters(circles: PointMap) -> None:
     rng = np.random.default_rng(0)
     initial_conditions = np.stack([rng.uniform(-pi, pi, 300), rng.uniform(0.5, 3.5, 300)], axis=-1)
@@ -76,6 +76,69 @@ def test_features_of_ones_own(circles: PointMap) -> None:
         cluster_orbits(circles, initial_conditions, features=lambda orbit: orbit.points[-1][:, 1])
 
 
-def test_basins_do_not_wait_for_the_library_of_clusters() -> None:
-    code = "import sys, cellmap.basins.finding, cellmap.attractors.clustering; sys.exit('sklearn' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+# --- groups of feature vectors
+
+
+RNG = np.random.default_rng(2)
+SIZES, CENTRES = (300, 200, 100), np.array([[0.0, 0.0], [5.0, 0.0], [0.0, 5.0]])
+BLOBS = np.concatenate([c + 0.05 * RNG.standard_normal((n, 2)) for n, c in zip(SIZES, CENTRES, strict=True)])
+OWNERS = np.repeat([0, 1, 2], SIZES)
+
+
+class Halves:
+    """An estimator that looks at one coordinate only."""
+
+    def fit_predict(self, values):
+        return (values[:, 0] > 0.5).astype(int)
+
+
+def test_blobs_are_groups_and_the_largest_is_the_first():
+    found = grouped(BLOBS, None, 0.02, 10)
+    assert found.count == 3
+    assert np.array_equal(found.labels, OWNERS)
+    again = grouped(BLOBS[::-1].copy(), None, 0.02, 10)
+    assert np.array_equal(again.labels[::-1], OWNERS)
+
+
+def test_a_chain_is_never_divided():
+    """Vectors 0.01 apart in a row that the estimator would cut at 0.5."""
+    row = np.stack([np.arange(0.0, 1.0, 0.01), np.zeros(100)], axis=-1)
+    assert grouped(row, Halves(), 0.015, 5).count == 1
+    parts = grouped(np.concatenate([row[:40], row[60:]]), Halves(), 0.015, 5)
+    assert parts.count == 2
+    assert parts.labels.tolist() == [0] * 40 + [1] * 40
+
+
+def test_many_vectors_are_labelled_by_those_that_are_fitted():
+    """5,000 vectors, of which 2,000 are fitted; the others are in the group of their neighbours."""
+    first, second = RNG.uniform(0, 1, (3000, 2)), RNG.uniform([3, 0], [4, 1], (2000, 2))
+    values = np.concatenate([first, second, [[1.9, 0.5]]])
+    found = grouped(values, None, 1e-4, 10)
+    assert found.count == 2
+    assert (found.labels[:3000] == 0).mean() > 0.99 and (found.labels[3000:5000] == 1).mean() > 0.99
+    assert not (found.labels[:3000] == 1).any() and not (found.labels[3000:5000] == 0).any()
+    assert found.labels[-1] == -1
+
+
+def test_estimators_that_do_not_group():
+    with pytest.raises(TypeError, match="give an estimator with a method fit_predict"):
+        check_clusterer(Halves)
+    with pytest.raises(TypeError, match="fit_predict"):
+        check_clusterer(3)
+    check_clusterer(Halves())
+
+    class Drawn(Halves):
+        def __init__(self, random_state):
+            self.random_state = random_state
+
+        def get_params(self):
+            return {"random_state": self.random_state}
+
+        def fit_predict(self, values):
+            return np.zeros(len(values) + 1, int)
+
+    with pytest.raises(ValueError, match="give it a seed"):
+        check_clusterer(Drawn(None))
+    check_clusterer(Drawn(3))
+    with pytest.raises(ValueError, match=r"returned the shape \(601,\) for 600 orbits"):
+        grouped(BLOBS, Drawn(3), 1e-9, 10)

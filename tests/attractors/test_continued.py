@@ -71,16 +71,6 @@ def test_two_that_become_one_are_listed_once() -> None:
     assert len(continue_attractors(wells.with_params(a=0.9), two, extent=np.array([4.0]))) == 1
 
 
-def test_a_coordinate_in_which_attractors_agree_may_move_in_all_of_them() -> None:
-    """y is 2 t + 0.002 x at both fixed points: it moves by more than they differ in it."""
-    wells = discrete_map(lambda x, p: (*tilted(x, p), 0.5 * x[1] + p.t + 0.001 * x[0]), {"t": 0.1}, ("x", "y"))
-    both = find_attractors(wells, np.pad(LINE, ((0, 0), (0, 1))))
-    assert len(both) == 2
-    after = continue_attractors(wells.with_params(t=0.105), both)
-    assert [a.points[0, 1] for a in after] == pytest.approx([0.21 + 0.002 * a.points[0, 0] for a in after], abs=1e-9)
-    assert len(after) == 2
-
-
 def test_attractors_that_are_not_periodic_are_left_to_a_search() -> None:
     (chaotic,) = find_attractors(systems.henon_map(), PLANE)
     assert chaotic.kind is Kind.CHAOTIC

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,6 @@ from cellmap import CellGrid, Label, angle, discrete_map, find_basins
 from cellmap.attractors.continua import closed_orbits, continua
 from cellmap.attractors.creeping import creeping, drawn_to
 from cellmap.basins import UnsettledWarning
-from cellmap.basins.doubts import _creep
 from cellmap.maps import PointMap
 from cellmap.orbits import Attractor, Kind
 
@@ -24,22 +21,6 @@ def held(x, p):
     load = 4.0 * x[0] + x[1]
     slip = p.c * (max(load - 1.0, 0.0) ** 2 - max(-load - 1.0, 0.0) ** 2)
     return x[0] - slip, x[1] - slip, 0.5 * x[2]
-
-
-@pytest.mark.parametrize(
-    ("name", "image", "rate"),
-    [
-        ("neutral point", NEUTRAL, lambda x: x**3),
-        ("node", discrete_map(lambda x, p: (0.9995 * x[0],), {}, ("x",)), None),
-    ],
-)
-def test_orbits_creep_to_the_point_at_rest(name: str, image: PointMap, rate) -> None:
-    """Both come to 0, from which they move by exactly x^3 or x/2000 in a step."""
-    x = np.array([[0.004], [-0.012], [0.015]])
-    found = creeping(image, x, ONE)
-    assert found.found.all()
-    assert found.moves == pytest.approx(np.abs(x[:, 0]) ** 3 if rate else 0.0005 * np.abs(x[:, 0]), rel=1e-12)
-    assert (np.abs(found.ends[:, 0]) < 0.35 * np.abs(x[:, 0])).all()
 
 
 @pytest.mark.parametrize(
@@ -82,18 +63,6 @@ def test_the_warning_says_how_far_orbits_move() -> None:
         find_basins(NEUTRAL, CellGrid((-0.5,), (0.5,), (64,)), 300)
 
 
-def test_the_warning_names_where_orbits_creep_to() -> None:
-    """After 300 steps towards 0, the first eight that count as undecided are at 0.86 of where they began."""
-    near = np.linspace(0.01, 0.03, 8)
-    found = find_basins(
-        discrete_map(lambda x, p: (0.9995 * x[0],), {}, ("x",)), np.array([[-1.0], *near[:, None], [1.0]]), 300
-    )
-    labels = np.array([0, *8 * [Label.UNDECIDED], 0], np.int16)
-    what = _creep(replace(found, labels=labels, settings={**found.settings, "max_periods": 300}))
-    move = f"{0.0005 * 0.9995**300 * near.mean():.1g}"
-    assert what == f", by about {move} in a period, many of them towards fixed point (0)"
-
-
 def beside_a_segment(x, p):
     """Fixed points on y = 0.6 x for |x| <= 1; beyond, x slips by what the square of the excess says."""
     beyond = max(x[0] - 1.0, 0.0) + min(x[0] + 1.0, 0.0)
@@ -107,18 +76,6 @@ def segment_and_beside(node: float, c: float, *excess: float) -> tuple[PointMap,
     segment = continua(point_map, closed_orbits(point_map, np.column_stack([on, 0.6 * on]), size, 1), size)
     x = np.array([1.0, -1.0]) * (1.0 + np.array(excess)[:, None])
     return point_map, segment, point_map.iterate(np.column_stack([x.ravel(), 0.6 * x.ravel()]), 40).points
-
-
-def test_orbits_are_drawn_to_the_ends_of_a_segment() -> None:
-    """Those beside it slip by c node e^2 at an excess e, which is 1/(c node n) after n periods, and never 0.
-
-    After 40,000 periods all are closer than 1e-4 to the segment, at its ends.
-    """
-    point_map, segment, states = segment_and_beside(-1.0, 0.5, 0.0005, 0.001, 0.002, 0.004)
-    assert [a.kind for a in segment] == [Kind.CONTINUUM]
-    assert (drawn_to(point_map, states, segment) == 0).all()
-    late = np.abs(point_map.iterate(states, 40_000).points[:, 0]) - 1.0
-    assert ((late > 0.0) & (late < 1e-4)).all()
 
 
 def test_orbits_are_not_drawn_beyond_a_node() -> None:

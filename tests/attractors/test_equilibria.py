@@ -2,24 +2,14 @@
 
 from __future__ import annotations
 
-from math import asin, pi
-from pathlib import Path
+from math import asin, cos, pi
 
 import numpy as np
 import pytest
 
 import systems
-from cellmap import (
-    CellGrid,
-    ForcedSystem,
-    discrete_map,
-    find_attractors,
-    find_basins,
-    load_basins,
-    save_basins,
-    stroboscopic_map,
-)
-from cellmap.attractors.equilibria import sticking_sets
+from cellmap import CellGrid, ForcedSystem, Label, discrete_map, find_attractors, find_basins, stroboscopic_map
+from cellmap.attractors.continua import closed_orbits, continua
 from cellmap.orbits import Kind
 
 LENGTH, AMPLITUDE, FREQUENCY, FRICTION = 0.0272, 0.003, 50.0, 10.0
@@ -35,6 +25,7 @@ def stuck():
     return find_basins(strobe, CellGrid((-pi, -100.0), (pi, 100.0), (40, 40)))
 
 
+@pytest.mark.thorough
 def test_the_pendulum_sticks_at_both_equilibria(stuck) -> None:
     """Two intervals of equilibria beside the stick-slip cycles: all orbits are decided."""
     assert [a.kind for a in stuck.attractors] == [Kind.FIXED_POINT] * 2 + [Kind.EQUILIBRIA] * 2
@@ -47,7 +38,7 @@ def test_the_pendulum_sticks_at_both_equilibria(stuck) -> None:
         assert attractor.period == 1 and attractor.rotations == (0, 0)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_every_end_is_where_its_label_says(stuck) -> None:
     """Upright, the set repels what slips beside it; hanging, orbits creep towards its edges for ever."""
     initial_conditions = stuck.grid.centres().reshape(-1, 2)
@@ -61,42 +52,15 @@ def test_every_end_is_where_its_label_says(stuck) -> None:
     assert ((after < before) | (before <= HOLDS * (1 + 1e-9))).all()
 
 
-def test_the_image_is_kept_on_disk(stuck, tmp_path: Path) -> None:
-    save_basins(stuck, tmp_path / "stuck.h5")
-    again = load_basins(tmp_path / "stuck.h5")
-    assert [a.kind for a in again.attractors] == [a.kind for a in stuck.attractors]
-    assert np.array_equal(again.labels, stuck.labels)
-    for one, other in zip(again.attractors[2:], stuck.attractors[2:], strict=True):
-        assert np.array_equal(one.cover.boxes, other.cover.boxes)
-
-
-def test_mirror_images_have_equal_fractions(stuck) -> None:
-    fractions = [stuck.fractions[k].fraction for k in range(4)]
-    assert fractions[0] == fractions[1]
-
-
-def test_without_gravity_all_angles_are_held() -> None:
-    """One set, the whole circle, which closes upon itself."""
-    system = systems.driven_pendulum(gravity=0.0, amplitude=0.0, damping=0.0, friction=FRICTION)
-    initial_conditions = CellGrid((-pi, -20.0), (pi, 20.0), (6, 6)).centres()
-    (circle,) = find_attractors(stroboscopic_map(system), initial_conditions)
-    assert circle.kind is Kind.EQUILIBRIA
-    gaps = np.diff(np.sort(circle.points[:, 0]))
-    assert np.ptp(circle.points[:, 0]) + gaps.max() == pytest.approx(2 * pi, rel=1e-6)
-
-
 def held_in_the_plane(t, x, p, s):
     return x[2], x[3], -x[0] - p.limit * s[0], -2.0 * x[1] - p.limit * s[1]
 
 
+@pytest.mark.thorough
 def test_a_set_of_two_dimensions() -> None:
     """Two blocks on springs: held in the rectangle |x| <= limit, |y| <= limit/2."""
     system = ForcedSystem(
-        held_in_the_plane,
-        {"limit": 0.3},
-        1.0,
-        ("x", "y", "x'", "y'"),
-        switches=lambda t, x, p: (x[2], x[3]),
+        held_in_the_plane, {"limit": 0.3}, 1.0, ("x", "y", "x'", "y'"), switches=lambda t, x, p: (x[2], x[3])
     )
     initial_conditions = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 4))
     (held,) = find_attractors(stroboscopic_map(system), initial_conditions)
@@ -108,22 +72,7 @@ def test_a_set_of_two_dimensions() -> None:
     assert len(np.unique(held.cover.boxes[:, :2], axis=0)) > 400
 
 
-@pytest.mark.parametrize("shrink", [1.0, 0.5])
-def test_neutral_and_single_fixed_points_are_no_sets(shrink: float) -> None:
-    """The identity attracts nothing; a single fixed point is not a set."""
-    plane = discrete_map(lambda x, p: (p.shrink * x[0], p.shrink * x[1]), {"shrink": shrink}, ("x", "y"))
-    states = np.array([[0.3, 0.4]]) * (shrink == 1.0)
-    assert sticking_sets(plane, states, np.ones(2)) == []
-
-
-def test_a_line_of_fixed_points_attracts() -> None:
-    """(x, y) -> (x, y/2): the axis within the window."""
-    fibres = discrete_map(lambda x, p: (x[0], 0.5 * x[1]), {}, ("x", "y"))
-    (line,) = sticking_sets(fibres, np.array([[0.1, 0.0], [-0.4, 0.0]]), np.ones(2))
-    assert line.kind is Kind.EQUILIBRIA and line.name.startswith("equilibria around")
-
-
-@pytest.mark.parametrize("number", [11, 20, 40, 41, 100])
+@pytest.mark.parametrize("number", [11, *(pytest.param(n, marks=pytest.mark.thorough) for n in (20, 41, 100))])
 @pytest.mark.parametrize("shear", [0.2, 10.0])
 def test_a_line_on_which_orbits_end_far_apart_is_one_set(number: int, shear: float) -> None:
     """(x + shear y, y/2): the line y = 0 attracts as a whole; an orbit ends at x + 2 shear y."""
@@ -145,8 +94,169 @@ def test_two_lines_of_equilibria_stay_two() -> None:
     assert np.array_equal(side[basins.labels], np.broadcast_to(np.sign(basins.grid.centres()[..., 1]), (20, 20)))
 
 
+@pytest.mark.thorough
 def test_a_plane_on_which_orbits_end_far_apart_is_one_set() -> None:
     plane = discrete_map(lambda x, p: (x[0] + 0.4 * x[2], x[1] - 0.6 * x[2], 0.5 * x[2]), {}, ("x", "y", "z"))
     basins = find_basins(plane, CellGrid((-1, -1, -1), (1, 1, 1), (5, 5, 5)))
     assert [a.kind for a in basins.attractors] == [Kind.EQUILIBRIA]
     assert (basins.labels == 0).all()
+
+
+# --- continua of cycles
+
+
+def held_beside_a_moving_mass(t, x, p, s):
+    """A block with dry friction on a spring, and on it, by a spring, a mass that is driven and damped."""
+    a, va, b, vb = x
+    spring = b - a
+    return va, 0.3 * spring - p.k * a - p.limit * s[0], vb, -spring - 0.4 * vb + p.force * cos(t)
+
+
+HELD = ForcedSystem(
+    held_beside_a_moving_mass,
+    {"limit": 1.0, "force": 0.3, "k": 1.0},
+    2 * pi,
+    ("a", "va", "b", "vb"),
+    switches=lambda t, x, p: (x[1],),
+)
+SQUARE = CellGrid((-1, -1), (1, 1), (12, 12))
+
+
+@pytest.fixture(scope="module")
+def held():
+    return find_basins(stroboscopic_map(HELD), CellGrid((-1, -0.5, -1, -0.5), (1, 0.5, 1, 0.5), (5, 2, 4, 2)))
+
+
+@pytest.mark.thorough
+def test_places_at_which_friction_holds_a_block(held):
+    """The mass swings with the amplitude 0.3/0.4 of resonance, b - a = 0.75 sin t.
+
+    Its spring pulls with 0.225 at most, so that the block is held where its own spring pulls with 0.775 or less.
+    """
+    (attractor,) = held.attractors
+    assert attractor.kind is Kind.CONTINUUM and attractor.period == 1
+    a, va, b, vb = attractor.points.T
+    assert a.max() == pytest.approx(0.775, abs=2e-3) and a.min() == pytest.approx(-0.775, abs=2e-3)
+    assert np.abs(a).max() < 0.775
+    assert b == pytest.approx(a, abs=1e-8)
+    assert vb == pytest.approx(0.75, abs=1e-8)
+    assert np.abs(va).max() < 1e-15
+    # Of the block at rest 1 and 0, of the mass exp(2 pi (-0.2 +- i sqrt(0.96))).
+    assert attractor.multipliers[0] == pytest.approx(1.0, abs=1e-9)
+    assert np.abs(attractor.multipliers[1:3]) == pytest.approx(np.exp(-0.4 * pi), abs=1e-9)
+    assert attractor.multipliers[3] == pytest.approx(0.0, abs=1e-9)
+    assert attractor.name.startswith("continuum of fixed points around")
+
+
+def test_a_segment_that_is_much_shorter_than_the_region():
+    """Fixed points on y = 0.6 x for |x| < 0.001; beyond, x shrinks by a half towards it."""
+
+    def function(x, p):
+        inner = min(max(x[0], -0.001), 0.001)
+        return inner + 0.5 * (x[0] - inner), 0.5 * x[1] + 0.3 * inner
+
+    short = discrete_map(function, {}, ("x", "y"))
+    rng = np.random.default_rng(0)
+    near, far = rng.uniform(-0.0009, 0.0009, (20, 2)), rng.uniform(-1, 1, (10, 2))
+    (attractor,) = find_attractors(short, [*near, *far])
+    assert attractor.kind is Kind.CONTINUUM
+    assert np.abs(attractor.points[:, 0]).max() == pytest.approx(0.001, rel=0.05)
+
+
+def test_cycles_of_period_two():
+    """(x, y) -> (-x, y/2 + 0.3 x): pairs of points on y = -0.2 x."""
+    flips = discrete_map(lambda x, p: (-x[0], 0.5 * x[1] + 0.3 * x[0]), {}, ("x", "y"))
+    basins = find_basins(flips, SQUARE)
+    (attractor,) = basins.attractors
+    assert (attractor.kind, attractor.period) == (Kind.CONTINUUM, 2)
+    assert (basins.labels == 0).all()
+    assert attractor.points[:, 1] == pytest.approx(-0.2 * attractor.points[:, 0], abs=1e-9)
+
+
+def test_a_segment_ends_where_it_stops_attracting():
+    """The multiplier across y = x is 1/2 + x^2."""
+    bounded = discrete_map(lambda x, p: (x[0], x[0] + (0.5 + x[0] ** 2) * (x[1] - x[0])), {}, ("x", "y"))
+    (attractor,) = find_attractors(bounded, SQUARE.centres())
+    assert np.abs(attractor.points).max() == pytest.approx(np.sqrt(0.499), abs=1e-3)
+    inside = find_basins(bounded, SQUARE).labels[4:8]
+    assert (inside == 0).all()
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda x, p: (x[0], x[1]),  # every point stays
+        lambda x, p: (x[0], x[1] + x[0]),  # a shear
+        lambda x, p: (-x[0], -x[1]),
+        lambda x, p: (x[0] - x[0] ** 3, 0.5 * x[1] + 0.3 * x[0]),  # one fixed point, of multiplier 1
+        lambda x, p: (x[0], 2.0 * x[1] - x[0]),  # a line that repels
+    ],
+)
+def test_what_is_no_attracting_continuum(function):
+    exact = discrete_map(function, {}, ("x", "y"))
+    line = discrete_map(lambda x, p: (x[0],), {}, ("x",))
+    assert continua(line, closed_orbits(line, np.array([[0.3]]), np.ones(1), 8), np.ones(1)) == []
+    ends = exact.iterate(SQUARE.centres().reshape(-1, 2), 20).points
+    assert continua(exact, closed_orbits(exact, ends, np.full(2, 2.0), 8), np.full(2, 2.0)) == []
+
+
+def test_an_orbit_beside_the_continuum_is_not_in_it():
+    """Two lines of fixed points, y = x + 1 and y = x - 1, which part the plane between them."""
+    lines = discrete_map(lambda x, p: (x[0], x[0] + (3 * (x[1] - x[0]) - (x[1] - x[0]) ** 3) / 2), {}, ("x", "y"))
+    basins = find_basins(lines, CellGrid((-1, -2), (1, 2), (12, 12)))
+    assert [a.kind for a in basins.attractors] == [Kind.CONTINUUM] * 2
+    x, y = basins.grid.centres().reshape(-1, 2).T
+    for number, attractor in enumerate(basins.attractors):
+        above = attractor.points[0] @ (-1, 1) > 0
+        mine = (basins.labels.ravel() == number) & (np.abs(y - x) < 1.7)  # farther away they jump across
+        assert ((y > x) == above)[mine].all()
+    assert (basins.labels != Label.UNDECIDED).all()
+
+
+@pytest.mark.thorough
+def test_a_segment_whose_derivative_is_far_from_normal():
+    """Fixed points on z = 0.3 x + 0.2 x^2 and y = 0; what z is off moves y 5,000 times as far.
+
+    The singular value of I - derivative beside the neutral one is 2e-8 of the largest.
+    """
+
+    def function(x, p):
+        off = x[2] - 0.3 * x[0] - 0.2 * x[0] ** 2
+        return x[0], 0.5 * x[1] + 5000.0 * off, x[2] - 0.9 * off
+
+    steep = discrete_map(function, {}, ("x", "y", "z"))
+    states = np.random.default_rng(0).uniform(-0.9, 0.9, (24, 3))
+    ends = steep.iterate(states, 80).points
+    for chosen in (ends, ends[::2], ends[::-3]):
+        extent = np.array([2.0, 2.0, 1.0])
+        (segment,) = continua(steep, closed_orbits(steep, chosen, extent, 4), extent)
+        x, y, z = segment.points.T
+        assert x.min() < -1.5 and x.max() > 1.5
+        assert z == pytest.approx(0.3 * x + 0.2 * x**2, abs=1e-3) and np.abs(y).max() < 1.0
+
+
+@pytest.mark.parametrize("number", [11, 30])
+def test_a_line_that_is_longer_than_the_region(number: int) -> None:
+    """y = x attracts at the rate 1/2, and orbits move by up to 40 along it."""
+    oblique = discrete_map(lambda x, p: (x[0] + 10 * (x[1] - x[0]), x[1] + 9.5 * (x[1] - x[0])), {}, ("x", "y"))
+    basins = find_basins(oblique, CellGrid((-1, -1), (1, 1), (number, number)))
+    assert [a.kind for a in basins.attractors] == [Kind.CONTINUUM]
+    assert (basins.labels == 0).all()
+
+
+@pytest.mark.parametrize(("sign", "period"), [(1.0, 1), pytest.param(-1.0, 2, marks=pytest.mark.thorough)])
+def test_circles_of_fixed_points_and_of_cycles(sign: float, period: int) -> None:
+    """r -> r + r (1 - r^2) (2 - r^2) (3 - r^2)/10: the circles at 1 and sqrt 3 attract, that at sqrt 2 parts them."""
+
+    def function(x, p):
+        r = x[0] ** 2 + x[1] ** 2
+        factor = p.sign * (1 + (1 - r) * (2 - r) * (3 - r) / 10)
+        return factor * x[0], factor * x[1]
+
+    circles = discrete_map(function, {"sign": sign}, ("x", "y"))
+    basins = find_basins(circles, CellGrid((-1.3, -1.3), (1.3, 1.3), (12, 12)))
+    assert [(a.kind, a.period) for a in basins.attractors] == [(Kind.CONTINUUM, period)] * 2
+    radius = np.linalg.norm(basins.grid.centres(), axis=-1)
+    for k, r in enumerate((1.0, np.sqrt(3.0))):
+        assert np.linalg.norm(basins.attractors[k].points, axis=1) == pytest.approx(r, abs=1e-3)
+        assert np.array_equal(basins.labels == k, (radius > np.sqrt(2.0)) == bool(k))

@@ -55,13 +55,3 @@ def test_a_search_ends_when_it_is_asked_to(name: str) -> None:
         work(counted)
     assert len(calls) == after
     assert sum(calls) < 10**5
-
-
-@pytest.mark.parametrize("name", WORK)
-def test_the_calls_are_there_to_be_interrupted(name: str) -> None:
-    """The control of the test above: where nobody asks, the same work goes on."""
-    point_map, work, after = WORK[name]
-    counted, calls = interrupted(point_map, Stop(), after)
-    if after > 2:  # ten million periods are too many to wait for
-        work(counted)
-        assert len(calls) > after

@@ -7,15 +7,7 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 
-from cellmap import (
-    ForcedSystem,
-    angle,
-    discrete_map,
-    find_attractors,
-    find_basins,
-    load_basins,
-    save_basins,
-)
+from cellmap import ForcedSystem, angle, discrete_map, find_attractors, find_basins, load_basins, save_basins
 from cellmap.analysis.resilience import basin_stability
 from cellmap.attractors.quotients import quotient_of
 from cellmap.basins import continue_basins
@@ -88,11 +80,7 @@ def test_attractors_with_a_symmetry_are_stored_and_label_other_points(ring_basin
         assert np.array_equal(one.symmetry, other.symmetry)
         assert np.array_equal(one.points, other.points) and one.verified
     stable = basin_stability(
-        ring_basins.point_map,
-        lambda rng, n: rng.uniform(-pi, pi, (n, N)),
-        200,
-        stored.attractors,
-        max_periods=300,
+        ring_basins.point_map, lambda rng, n: rng.uniform(-pi, pi, (n, N)), 200, stored.attractors, max_periods=300
     )
     assert stable.undecided == 0
     assert abs(stable.fractions[0].fraction - ring_basins.fractions[0].fraction) < 0.15
@@ -115,12 +103,3 @@ def test_a_coordinate_that_does_not_occur_is_left_out():
     assert np.abs(difference(*both, quotient.point_map.coordinates)).max() < 1e-8
     (hanging,) = find_attractors(exact, points, max_periods=300)
     assert hanging.verified and len(hanging.multipliers) == 5 and hanging.points[0, 0] == 0.0
-
-
-def test_maps_without_a_symmetry_are_not_divided(ring):
-    def pinned(x, p):
-        moved = ring_step(x, p)
-        return (moved[0] - 1e-6 * sin(x[0]), *moved[1:])
-
-    points = np.random.default_rng(3).uniform(-pi, pi, (20, N))
-    assert quotient_of(discrete_map(pinned, ring.params, ring.coordinates), points) is None

@@ -79,6 +79,7 @@ def test_circles_are_found_by_recurrence_with_rotation_number_and_residual(circl
     assert basins.verify(40).wrong == 0
 
 
+@pytest.mark.thorough
 def test_a_torus_of_five_frequencies_two_of_which_nearly_agree():
     """Five exponents are zero, more than are seen at first, and averages take 1,500 steps, the length of a beat."""
     frequencies = [GOLDEN, GOLDEN + 1 / 1500, np.sqrt(2) - 1, np.sqrt(3) - 1, np.sqrt(5) / 7]
@@ -111,29 +112,6 @@ def point_at(phases):
     """Return the damped coordinate on the attractor: u' = u / 2 + cos(a) / 10 along a' = a + 2 pi w."""
     step = np.exp(2j * pi * GOLDEN)
     return (0.1 / (step - 0.5) * np.exp(1j * phases)).real
-
-
-def test_chaos_is_not_taken_for_quasi_periodic():
-    def step(x, p):
-        return 1.0 - 1.4 * x[0] * x[0] + x[1], 0.3 * x[0], *(0.5 * v for v in x[2:])
-
-    henon = discrete_map(step, {}, tuple(f"x{i}" for i in range(6)))
-    start = np.random.default_rng(2).uniform(-0.1, 0.1, (8, 6))
-    assert recurrent_attractors(henon, start, np.ones(6), 100, []) == ([], [])
-    # The exponents of the Hénon map are 0.419 and -1.62 (Sprott, Chaos and Time-Series Analysis (2003)).
-    exponents, errors = leading_exponents(henon, np.zeros((1, 6)), np.ones(6), 2000)
-    assert exponents[0, 0] == pytest.approx(0.419, abs=3 * errors[0])
-
-
-def test_what_cannot_be_afforded_is_not_verified(circles):
-    def step(x, p):
-        return tuple(0.5 * v + 0.3 * w * w for v, w in zip(x, x[1:] + x[:1], strict=True))
-
-    wells = discrete_map(step, {}, tuple(f"x{i}" for i in range(6)))
-    (origin,) = find_attractors(wells, np.random.default_rng(3).uniform(-0.4, 0.4, (8, 6)))
-    region = trapping_neighbourhood(wells, origin, np.ones(6), lambda images: False)
-    assert origin.verified and not replace(origin, neighbourhood=region).verified
-    assert recurrent_attractors(circles, np.ones((3, 6)), np.ones(6), 10, [], afford=lambda images: False) == ([], [])
 
 
 def test_chaos_in_many_dimensions_has_few_boxes_and_the_exponent_of_its_map():
@@ -176,3 +154,26 @@ def test_without_images_for_proofs_there_are_the_same_attractors_and_labels(monk
         signs = np.sign(a.points[0, :3])
         assert a.points[0, :3] == pytest.approx(signs, abs=1e-5)
         assert np.array_equal(seen.labels == k, (np.sign(start[:, :3]) == signs).all(axis=1))
+
+
+def test_what_cannot_be_afforded_is_not_verified(circles):
+    def step(x, p):
+        return tuple(0.5 * v + 0.3 * w * w for v, w in zip(x, x[1:] + x[:1], strict=True))
+
+    wells = discrete_map(step, {}, tuple(f"x{i}" for i in range(6)))
+    (origin,) = find_attractors(wells, np.random.default_rng(3).uniform(-0.4, 0.4, (8, 6)))
+    region = trapping_neighbourhood(wells, origin, np.ones(6), lambda images: False)
+    assert origin.verified and not replace(origin, neighbourhood=region).verified
+    assert recurrent_attractors(circles, np.ones((3, 6)), np.ones(6), 10, [], afford=lambda images: False) == ([], [])
+
+
+def test_chaos_is_not_taken_for_quasi_periodic():
+    def step(x, p):
+        return 1.0 - 1.4 * x[0] * x[0] + x[1], 0.3 * x[0], *(0.5 * v for v in x[2:])
+
+    henon = discrete_map(step, {}, tuple(f"x{i}" for i in range(6)))
+    start = np.random.default_rng(2).uniform(-0.1, 0.1, (8, 6))
+    assert recurrent_attractors(henon, start, np.ones(6), 100, []) == ([], [])
+    # The exponents of the Hénon map are 0.419 and -1.62 (Sprott, Chaos and Time-Series Analysis (2003)).
+    exponents, errors = leading_exponents(henon, np.zeros((1, 6)), np.ones(6), 2000)
+    assert exponents[0, 0] == pytest.approx(0.419, abs=3 * errors[0])

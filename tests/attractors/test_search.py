@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, pi, sin, sqrt, tanh
+from math import cos, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -10,8 +10,14 @@ from scipy.optimize import fsolve
 from small_maps import CIRCLE, LINE, circle, grid_of, logistic
 
 import systems
-from cellmap import Label, PointMap, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
+from cellmap import CellGrid, Label, PointMap, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
+from cellmap.attractors import search
+from cellmap.attractors.chaos import examine
+from cellmap.attractors.examined import Examined
+from cellmap.attractors.transients import Reason
+from cellmap.maps.orbit_batch import Orbits
 from cellmap.orbits import Kind
+from cellmap.orbits.newton import newton, stable_orbit
 
 W = 2 * pi * 50  # the drive of the report's pendulum, rad/s
 
@@ -49,13 +55,6 @@ def test_cycle_of_two_of_the_logistic_map(r):
     assert a.exponents == pytest.approx(np.log(np.abs(a.multipliers)) / 2, abs=1e-10)
 
 
-def test_superstable_cycle():
-    (a,) = find_attractors(logistic(1 + sqrt(5)), LINE)
-    assert a.period == 2
-    assert a.points[0, 0] == pytest.approx(0.5, abs=1e-12)
-    assert abs(a.multipliers[0]) < 1e-10
-
-
 @pytest.mark.parametrize(("r", "period"), [(3.5, 4), (3.55, 8), (3.566, 16), (3.83, 3), (3.845, 6), (3.7395, 5)])
 def test_period_is_that_of_a_plain_iteration(r, period):
     """Windows of the logistic map (May 1976); the multiplier is the product of r (1 - 2 x) along the cycle."""
@@ -67,13 +66,6 @@ def test_period_is_that_of_a_plain_iteration(r, period):
     assert a.period == period
     assert np.sort(a.points[:, 0]) == pytest.approx(np.sort(cycle), abs=1e-10)
     assert a.multipliers[0] == pytest.approx(np.prod([r * (1 - 2 * x) for x in cycle]), abs=1e-7)
-
-
-@pytest.mark.parametrize(("r", "period"), [(3.5, 4), (3.56, 8), (3.84, 3), (3.6276, 6)])
-def test_longer_cycles_than_those_tried_first_are_found(r, period):
-    """Periods beyond longest_period are tried when orbits have not settled."""
-    (attractor,) = find_attractors(logistic(r), LINE, max_periods=600, longest_period=2)
-    assert attractor.period == period
 
 
 @pytest.mark.parametrize("rotations", [-2, -1, 0, 1, 3])
@@ -120,45 +112,28 @@ def test_spiral_in_three_dimensions(phase):
 # --- the report's pendulum (REFERENCES.md) and published oscillators
 
 
-@pytest.fixture(scope="module")
-def pendulum():
-    found = {}
-
-    def attractors(amplitude: float, window: float):
-        if (amplitude, window) not in found:
-            initial_conditions = grid_of((-pi, -window), (pi, window), 60)
-            found[amplitude, window] = find_attractors(
-                stroboscopic_map(systems.driven_pendulum(amplitude=amplitude)), initial_conditions
-            )
-        return found[amplitude, window]
-
-    return attractors
+def pendulum(amplitude: float, speed: float):
+    exact = stroboscopic_map(systems.driven_pendulum(amplitude=amplitude))
+    return find_attractors(exact, grid_of((-pi, -speed), (pi, speed), 60))
 
 
-def test_pendulum_hangs_at_two_millimetres(pendulum):
-    (a,) = pendulum(0.002, 100.0)
-    assert a.kind is Kind.FIXED_POINT
-    assert a.points == pytest.approx(np.zeros((1, 2)), abs=1e-12)
-    assert np.prod(a.multipliers) == pytest.approx(np.exp(-0.2), abs=1e-10)
-
-
-def test_inverted_pendulum_at_three_millimetres(pendulum):
-    hanging, inverted = pendulum(0.003, 100.0)
+def test_the_pendulum_at_two_and_three_millimetres():
+    (alone,) = pendulum(0.002, 100.0)
+    assert alone.kind is Kind.FIXED_POINT
+    assert alone.points == pytest.approx(np.zeros((1, 2)), abs=1e-12)
+    assert np.prod(alone.multipliers) == pytest.approx(np.exp(-0.2), abs=1e-10)
+    hanging, inverted, plus, minus = pendulum(0.003, 500.0)
     assert hanging.points == pytest.approx(np.zeros((1, 2)), abs=1e-12)
     assert np.abs(inverted.points) == pytest.approx(np.array([[pi, 0.0]]), abs=1e-10)
     value = 0.865837958746 + 0.262783907940j
     assert inverted.multipliers == pytest.approx([value, value.conjugate()], abs=1e-10)
-
-
-def test_rotations_at_three_millimetres(pendulum):
-    *_, plus, minus = pendulum(0.003, 500.0)
     point = np.array([2.520339579944, 1.019933227842 * W])
     for a, sign in ((plus, 1), (minus, -1)):
         assert (a.kind, a.period, a.rotations, a.rotation_number) == (Kind.ROTATING, 1, (sign, 0), (sign, 0))
         assert a.points[0] == pytest.approx(sign * point, rel=1e-10)
 
 
-def test_period_four_at_ten_millimetres(pendulum):
+def test_period_four_at_ten_millimetres():
     four = next(a for a in pendulum(0.010, 100.0) if a.period == 4)
     first, second = (0.100306867278, 0.282821064590 * W), (0.536047919253, -0.034158641173 * W)
     expected = np.array([first, second, np.negative(first), np.negative(second)])
@@ -193,6 +168,7 @@ def test_published_attractors(system, window, expected):
     assert [a.points[0].tolist() for a in found] == [pytest.approx(p, abs=digits) for p in expected]
 
 
+@pytest.mark.thorough
 def test_fixed_points_are_those_of_scipy(scipy_images):
     system = systems.two_well_duffing()
     for a in find_attractors(stroboscopic_map(system), grid_of((-2.2,) * 2, (2.2,) * 2, 10)):
@@ -203,6 +179,7 @@ def test_fixed_points_are_those_of_scipy(scipy_images):
 # --- cycles that attract weakly, and transients that last
 
 
+@pytest.mark.thorough
 def test_weakly_attracting_cycles_close_to_a_flip():
     """Orbits take hundreds of periods to come closer by a factor of e; narrow neighbourhoods would leave 33 of 36."""
     system = systems.forced_pendulum(0.0917230369533683, 1.2836695581775617, 0.8910870827355746)
@@ -217,35 +194,7 @@ def test_weakly_attracting_cycles_close_to_a_flip():
     assert longer.verify(40).wrong == 0
 
 
-def test_orbits_at_rest_on_a_new_attractor_are_on_no_sticking_set(monkeypatch):
-    """Fast contraction brings all of them to rest before the first look; none has to be explored."""
-    explored = []
-    monkeypatch.setattr("cellmap.attractors.equilibria._explored", lambda *arguments: explored.append(arguments))
-    wells = discrete_map(lambda x, p: (tanh(5.0 * x[0]),), {}, ("x",))
-    assert len(find_attractors(wells, LINE - 0.5)) == 2
-    assert explored == []
-
-
 # --- bad input
-
-
-@pytest.mark.parametrize(
-    ("initial_conditions", "options", "error", "message"),
-    [
-        ([[0.1, 0.2]], {}, ValueError, "last axis must hold the 1 state variables"),
-        (0.5, {}, ValueError, "last axis"),
-        ([[np.nan]], {}, ValueError, "remove points that are not finite"),
-        ([["x"]], {}, TypeError, "real numbers"),
-        ([[0.1]], {"max_periods": 0}, ValueError, "max_periods=0"),
-        ([[0.1]], {"max_periods": 10.5}, TypeError, "max_periods=10.5"),
-        ([[0.1]], {"longest_period": 0}, ValueError, "longest_period=0"),
-        ([[0.1]], {"longest_period": True}, TypeError, "longest_period=True"),
-        (np.empty((0, 1)), {}, ValueError, "initial_conditions"),
-    ],
-)
-def test_bad_arguments(initial_conditions, options, error, message):
-    with pytest.raises(error, match=message):
-        find_attractors(logistic(2.8), initial_conditions, **options)
 
 
 @pytest.mark.parametrize(
@@ -259,3 +208,77 @@ def test_bad_arguments(initial_conditions, options, error, message):
 def test_a_search_that_finds_nothing_says_why(function, cause) -> None:
     with pytest.warns(UserWarning, match=f"no attractor was found from 3 initial conditions: .*{cause}"):
         assert find_attractors(discrete_map(function, {}, ("x",)), [[0.1], [0.2], [0.3]]) == ()
+
+
+# --- Newton's method
+
+
+@pytest.mark.parametrize("period", [1, 2, 3])
+def test_newton_finds_unstable_points_too(period):
+    """All solutions of P^q(x) = x for the logistic map at 4: sin^2(pi k / (2^q +- 1))."""
+    exact = [sin(pi * k / (2**period + s)) ** 2 for s in (-1, 1) for k in range(2**period)]
+    guesses = np.array(exact)[:, None] + 1e-3
+    points, settled = newton(logistic(4.0), guesses, np.full(len(guesses), period), np.ones(1))
+    assert settled.all()
+    assert points[:, 0] == pytest.approx(exact, abs=1e-12)
+
+
+def test_newton_gives_up_where_there_is_nothing():
+    """x + 1 + x^2 has no fixed point; a rigid rotation by half a circle has no isolated ones."""
+    rising = discrete_map(lambda x, p: (x[0] + 1.0 + x[0] ** 2,), {}, ("x",))
+    assert not newton(rising, np.array([[0.3], [-2.0]]), np.ones(2, int), np.ones(1))[1].any()
+    assert not newton(circle(0.5, 0.0), CIRCLE, np.full(30, 2), np.full(1, 2 * pi))[1].any()
+
+
+@pytest.mark.parametrize("multiple", [1, 2, 3])
+def test_least_period_is_taken(multiple):
+    a = stable_orbit(logistic(3.2), np.array([(4.2 - sqrt(0.84)) / 6.4]), 2 * multiple, np.ones(1))
+    assert a is not None
+    assert a.period == 2
+
+
+# --- orbits followed on beyond the periods that they have lasted
+
+
+# From below 1 orbits go to the fixed point at 0, from above to infinity; at 1 the multiplier is 1.5.
+SLOW = discrete_map(lambda x, p: (x[0] + 0.5 * x[0] * (x[0] - 1.0),), {}, ("x",))
+BESIDE = 1e-6  # ln(1e6) / ln(1.5) = 34 periods until the distance is about 1
+
+
+def test_basins_name_what_escapes_later():
+    """Ten cells within 0.001 of the repelling fixed point, from which orbits go to infinity after some 20 periods."""
+    sink = find_attractors(SLOW, [[0.5]])
+    basins = find_basins(SLOW, CellGrid((1.0,), (1.001,), (10,)), max_periods=10, attractors=sink)
+    assert basins.undecided == {Reason.ENDING: 10}
+
+
+def test_an_unstable_fixed_point_keeps_its_reason_among_chaotic_orbits():
+    """1 - 1/r of the logistic map at r = 3.9."""
+    chaotic = logistic(3.9).iterate(np.linspace(0.2, 0.4, 10)[:, None], 200).points
+    found = examine(logistic(3.9), np.vstack([chaotic, [[1 - 1 / 3.9]]]), age=100)
+    assert len(found.attractors) == 1
+    assert found.reasons == (Reason.PERIODIC,)
+
+
+@pytest.mark.parametrize("rate", [1.0, 1.5, 2.0 / 3.0])
+def test_neutral_orbits_are_no_attractors(rate):
+    """A rigid rotation by a rational angle: every point is periodic, none attracts."""
+    assert find_attractors(circle(rate, 0.0), CIRCLE, max_periods=300) == ()
+
+
+@pytest.mark.parametrize(
+    ("age", "patient", "looked_for"), [(63, True, False), (64, True, True), (63, False, True), (1, False, True)]
+)
+def test_curves_are_looked_for_at_the_end_or_where_orbits_are_mature(monkeypatch, age, patient, looked_for):
+    """A rigid rotation, of which no orbit settles: a search that goes on waits for 64 periods."""
+    calls = []
+    monkeypatch.setattr(search, "curves_and_cycles", lambda *_, slow: calls.append(f"slow {slow}") or [])
+    monkeypatch.setattr(search, "continua", lambda *_: calls.append("continua") or [])
+    turning = discrete_map(lambda x, p: (x[0] + 1.0,), {}, (angle("a"),))
+    orbits, extent = Orbits.starting(np.array([[0.1], [2.0]])), np.array([2 * pi])
+    examined = Examined.nothing_yet(turning, extent)
+    for last in (False, True):
+        calls.clear()
+        left, found, *_ = search.sort_out(turning, orbits, [], 4, extent, age, examined, patient=patient, last=last)
+        assert calls == ([f"slow {last}", "continua"] if looked_for else [])
+        assert len(left) == 2 and found == []

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from cellmap import angle, discrete_map, find_attractors
+from cellmap._compiled.kernels.capture import Regions, sifted
 from cellmap.attractors.continua import Segment
 from cellmap.attractors.settling import Catalogue
+from cellmap.attractors.sieves import sieve_of
 from cellmap.attractors.tube import Curves, Tube, cover_of_tube
+from cellmap.maps.coordinates import shortest
 from cellmap.orbits.attractor import Neighbourhood
 
 PLANE = discrete_map(lambda x, p: (0.5 * x[0], 0.5 * x[1]), {}, ("x", "y"))
@@ -54,15 +57,6 @@ def test_surfaces_lie_across_a_ring_at_their_radii(exact, size):
         np.testing.assert_allclose(np.linalg.norm(both, axis=-1), 1.0, rtol=1e-9)
 
 
-def test_between_points_of_a_surface_distances_change_half_as_much():
-    """By hand: of 0.3 beside 0.1 half the difference of 0.2 more."""
-    distances = np.full((1, 128), 0.1)
-    distances[0, 40] = 0.3
-    assert ring(PLANE, [1.0, 1.0]).between(distances) == pytest.approx([0.4])
-    distances[0, 40] = np.nan
-    assert ring(PLANE, [1.0, 1.0]).between(distances) == [np.inf]
-
-
 @pytest.mark.parametrize(("exact", "size"), [(PLANE, [1.0, 1.0]), (PLANE, [3.0, 0.2])])
 def test_boxes_of_a_tube_lie_in_it_and_hold_what_is_near(exact, size):
     curve, radius = ring(exact, size), 0.1
@@ -78,19 +72,6 @@ def test_boxes_of_a_tube_lie_in_it_and_hold_what_is_near(exact, size):
     near = np.stack([np.cos(phases), np.sin(phases)], axis=-1) * (1 + off[:, None]) * size
     known = {tuple(box) for box in cover.boxes}
     assert all(tuple(box) in known for box in np.floor((near - cover.lower) / cover.widths).astype(int))
-
-
-def test_a_curve_around_an_angle_is_covered_around_it():
-    """r = 0 for every angle: boxes of all places around, from -radius to radius."""
-    angles = 2 * pi * np.arange(2048) / 2048 - pi
-    curve = Curves(CYLINDER, np.stack([angles, 0 * angles], axis=-1)[None], np.array([2 * pi, 1.0]))
-    cover = cover_of_tube(curve, Tube(0.1, 1, 0.5))
-    around = 2 * pi / cover.widths[0]
-    assert around == pytest.approx(round(around))
-    assert set(cover.boxes[:, 0]) == set(range(round(around)))
-    ends = cover.lower[1] + cover.boxes[:, 1] * cover.widths[1]
-    assert -0.1 <= ends.min() < -0.05 and 0.05 < ends.max() + cover.widths[1] <= 0.1
-    np.testing.assert_allclose(curve.distances(np.array([[pi - 1e-3, 0.3], [-pi, -0.2]])), [0.3, 0.2], rtol=1e-9)
 
 
 SLANTED = Segment(PLANE, np.linspace([0.0, 0.0], [4.0, 3.0], 501), np.ones(2))  # of length 5, a point each 0.01
@@ -110,17 +91,6 @@ def test_distances_and_feet_of_a_segment():
     assert np.array_equal(SLANTED.distances(points), apart[:-1])
 
 
-def test_surface_of_a_segment_is_at_its_radii_from_end_to_end():
-    points = SLANTED.surface(np.array([0.0, 0.25]))
-    ends = points[0, :, 0]
-    np.testing.assert_allclose(ends, np.linspace([0.0, 0.0], [4.0, 3.0], 17), atol=0.005)
-    np.testing.assert_allclose(np.linalg.norm(points[1] - ends[:, None], axis=-1), 0.25, rtol=1e-12)
-    directions = (points[1] - ends[:, None])[0] / 0.25
-    for axis in np.eye(2):
-        for side in (-1, 1):
-            assert np.abs(directions - side * axis).max(axis=1).min() < 1e-12
-
-
 def test_distances_to_attractors_are_in_radii_of_their_regions():
     """Two ellipsoids on a cylinder, beside the branch cut: (x - c) M (x - c) by hand."""
     (sink,) = find_attractors(PLANE, [[0.5, 0.5]])
@@ -133,3 +103,40 @@ def test_distances_to_attractors_are_in_radii_of_their_regions():
     np.testing.assert_allclose(known.shrunk(0.5).distances_of(points), np.multiply(expected, 2), rtol=1e-12)
     assert known.owners_of(points).tolist() == [0, 0, 0]
     assert known.shrunk(0.4).owners_of(points).tolist() == [-1, -1, -1]
+
+
+# --- ellipsoids found by their coordinates
+
+
+def regions_of(number: int, turn: np.ndarray, width: float, seed: int) -> Regions:
+    """Ellipsoids in random directions, some of them 30 times as long as wide."""
+    rng, d = np.random.default_rng(seed), len(turn)
+    frames = np.linalg.qr(rng.standard_normal((number, d, d)))[0]
+    radii = width * 30.0 ** rng.uniform(0.0, 1.0, (number, d))
+    metrics = np.einsum("nij,nj,nkj->nik", frames, radii**-2.0, frames)
+    return Regions(rng.uniform(-pi, pi, (number, d)), metrics, rng.integers(0, 9, number))
+
+
+def owners_by_hand(points: np.ndarray, regions: Regions, turn: np.ndarray) -> np.ndarray:
+    shift = shortest(points[:, None] - regions.centres, turn)
+    held = np.einsum("nmi,mij,nmj->nm", shift, regions.metrics, shift) <= 1.0
+    return np.where(held.any(axis=1), regions.owners[held.argmax(axis=1)], -1)
+
+
+@pytest.mark.parametrize("turn", [(0.0,), (2 * pi,), (0.0, 0.0), (2 * pi, 0.0), (2 * pi, 2 * pi, 0.0)], ids=str)
+@pytest.mark.parametrize(("number", "width"), [(32, 0.05), (200, 0.004), (200, 0.3)])
+def test_the_first_ellipsoid_that_holds_a_point(turn, number, width):
+    around = np.array(turn)
+    regions = regions_of(number, around, width, seed=number)
+    points = np.random.default_rng(1).uniform(-1.2 * pi, 1.2 * pi, (3000, len(turn)))
+    # Half of them lie close to an edge of an ellipsoid.
+    near = np.random.default_rng(2).integers(0, number, 1500)
+    step = np.random.default_rng(3).standard_normal((1500, len(turn)))
+    size = np.sqrt(np.einsum("ni,nij,nj->n", step, regions.metrics[near], step))
+    factor = np.where(np.arange(1500) % 2, 1.0 - 1e-9, 1.0 + 1e-9)
+    points[:1500] = regions.centres[near] + step * (factor / size)[:, None]
+    found = np.empty(len(points), np.int64)
+    sieve = sieve_of(regions, around)
+    assert sieve.bits.shape[2]
+    sifted(points, 0, len(points), regions, sieve, around, found)
+    assert np.array_equal(found, owners_by_hand(points, regions, around))

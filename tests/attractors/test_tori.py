@@ -26,11 +26,7 @@ def turning(x, p):
 
 def coupled(x, p):
     a, b, r = x
-    return (
-        a + 2 * pi * p.first + 0.3 * sin(b),
-        b + 2 * pi * p.second + 0.2 * sin(a),
-        0.5 * r + 0.2 * cos(a) * sin(b),
-    )
+    return (a + 2 * pi * p.first + 0.3 * sin(b), b + 2 * pi * p.second + 0.2 * sin(a), 0.5 * r + 0.2 * cos(a) * sin(b))
 
 
 def logistic_pair(x, p):
@@ -83,14 +79,7 @@ def test_product_of_two_invariant_curves():
     assert same_up_to_signs(torus.frequencies, alone)
 
 
-@pytest.mark.slow
-def test_product_of_two_invariant_curves_attracts():
-    basins = find_basins(PAIR, CellGrid((0.45,) * 4, (0.65,) * 4, (3,) * 4), max_periods=600)
-    assert [a.kind for a in basins.attractors] == [Kind.QUASIPERIODIC]
-    assert (basins.labels == 0).all()
-
-
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_two_limit_cycles_side_by_side():
     """Two uncoupled oscillators of van der Pol, the second twice as fast by the root of 2: periods 6.663 and 4.712."""
 
@@ -147,7 +136,7 @@ def test_distance_from_a_torus():
     assert dense.distances(np.array([[np.nan, 0.0, 0.0]])) == np.inf
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_torus_is_followed_to_another_parameter():
     (before,) = find_attractors(COUPLED, [[0.1, 0.2, 0.3]])
     (after,) = continue_attractors(COUPLED.with_params(first=GOLDEN + 0.001), [before])
