@@ -6,8 +6,10 @@ import dataclasses
 import json
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from math import cos, pi
+from typing import ClassVar
 
 import h5py
 import numpy as np
@@ -18,7 +20,6 @@ import systems
 from cellmap import (
     CellGrid,
     ForcedSystem,
-    Label,
     bifurcation_diagram,
     certify,
     continue_orbit,
@@ -32,17 +33,19 @@ from cellmap import (
     stability_map,
     stroboscopic_map,
 )
-from cellmap.attractors.labels import LABEL_NAMES
+from cellmap._lib.arrays import Floats, Ints
+from cellmap._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Layout
+from cellmap.attractors.labels import LABEL_NAMES, Label
 from cellmap.basins import Evidence, continue_basins
 from cellmap.bifurcations import attractor_atlas
 from cellmap.exchange import from_xarray, to_dataframe, to_xarray
 from cellmap.exchange.attractor_group import attractor_group, attractors_of
 from cellmap.exchange.conventions import flags, variable_names
+from cellmap.exchange.records import _Read
 from cellmap.maps import angle, rebuild_map
 from cellmap.maps.coordinates import as_coordinates
 from cellmap.orbits import Attractor, InvariantTorus, Kind, finite_time_exponents
 
-THOROUGH = pytest.mark.thorough
 WINDOW = CellGrid((-1.5, -1.0), (1.5, 1.0), (12, 8))
 WELLS = discrete_map(lambda x, p: (p.r * x[0] - x[0] ** 3, 0.5 * x[1]), {"r": 1.5}, ("x", "y"), "two wells")
 DELAYED = discrete_map(lambda x, p: (2.1 * x[0] * (1 - x[1]), x[0]), {}, ("x", "y"))
@@ -128,13 +131,9 @@ def test_what_was_converted_comes_back(case):
         assert any(a.kind == kinds[case] and a.cover is not None for a in expected.attractors)
 
 
-FILES = [
-    case if case in ("chaotic and diverged", "continuation", "exponents") else pytest.param(case, marks=THOROUGH)
-    for case in CASES
-]
-
-
-@pytest.mark.parametrize("case", FILES)
+@pytest.mark.parametrize(
+    "case", [c if c in ("continuation", "exponents") else pytest.param(c, marks=pytest.mark.thorough) for c in CASES]
+)
 def test_files_hold_what_was_converted(case, tmp_path):
     assert_same(through_a_file(result(case).to_xarray(), tmp_path / "result.nc", from_xarray), result(case))
 
@@ -268,9 +267,9 @@ def test_angles_say_their_unit_period_and_branch_cut_and_certificates_their_evid
 
 
 def test_continuations_select_by_value_and_label():
-    swept = continue_basins(WELLS, "r", [0.8, 1.2, 1.5], WINDOW)
+    swept = result("continuation")
     tree = swept.to_xarray()
-    assert tree["fractions"].sel(r=1.5, label=1) == swept.fractions[2, swept.labels.index(1)]
+    assert tree["fractions"].sel(r=1.5, label=1) == swept.fractions[0, swept.labels.index(1)]
     group = tree["attractors"].to_dataset()
     assert group.sizes["attractor"] == sum(map(len, swept.attractors))
     place = ((group["parameter_value"] == 1.5) & (group["label"] == 1)).values.argmax()
@@ -356,3 +355,65 @@ def test_columns_keep_their_names_apart():
     halved = discrete_map(lambda x, p: (x[0] / 2, x[1] / 2), {}, (angle("period"), "kind"))
     table = to_dataframe(find_attractors(halved, [[0.1, 0.1]]))
     assert table[["period", "period_", "kind", "kind_"]].to_numpy().tolist() == [[1, 0.0, "fixed point", 0.0]]
+
+
+# --- a new record
+
+
+@dataclass(frozen=True, eq=False)
+class Decay(ConvertsToXarray, ConvertsToDataFrame):
+    """Numbers over a parameter."""
+
+    _layout: ClassVar = Layout(
+        "Decay of {0.name}",
+        {"values": Array("{parameter}", "{0.parameter}", "{parameter}")},
+        {"rate": Array("{parameter}", "rate of decay", unit="1/s"), "ends": Array("{parameter}", flags=Label)}
+        | {name: Array("{parameter}") for name in ("steps", "orders", "words", "errors")},
+        {"bound": "upper_bound"},
+    )
+    _made_by: ClassVar = "decay_of"
+
+    name: str
+    parameter: str
+    values: Floats
+    rate: Floats
+    ends: Ints
+    bound: float = 1.0
+    steps: tuple[float, ...] = (0.25, 1e6)
+    orders: tuple[int, ...] = (70_000, -1)
+    words: tuple[str, ...] = ("a", "b")
+    errors: Floats | None = None
+    limit: float | None = None
+    sure: bool = False
+
+
+DECAY = Decay("rods", "my rate", np.array([1.0, 2.0]), np.array([0.5, 0.25]), np.array([-1, -2]), 3.0)
+
+
+def test_variables_attributes_and_a_table_follow():
+    found = DECAY.to_xarray()
+    assert found.attrs["title"] == "Decay of rods" and found.attrs["record"] == "Decay"
+    assert (found.attrs["system"], found.attrs["upper_bound"], found.attrs["parameter"]) == ("rods", 3.0, "my rate")
+    assert found["rate"].dims == ("my_rate",) and found["rate"].attrs == {"long_name": "rate of decay", "units": "1/s"}
+    assert found["my_rate"].attrs == {"long_name": "my rate"} and "my_rate" in found.coords
+    assert found["ends"].attrs["flag_values"].tolist()[0] == int(next(iter(Label)))
+    assert "errors" not in found and "limit" not in found.attrs
+    table = to_dataframe(DECAY)
+    assert table["rate"].tolist() == [0.5, 0.25] and "errors" not in table
+
+
+def test_it_is_read_by_its_types(tmp_path):
+    again = _Read(DECAY.to_xarray()).record(Decay)
+    assert (again.name, again.parameter, again.bound) == ("rods", "my rate", 3.0)
+    assert again.rate.dtype == np.float64 and again.ends.tolist() == [-1, -2]
+    assert (again.steps, again.orders, again.words) == (DECAY.steps, DECAY.orders, DECAY.words)
+    assert (again.errors, again.limit, again.sure) == (None, None, False)
+    other = replace(DECAY, errors=np.array([0.1, 0.2]), limit=2.0, sure=True)
+    other.to_xarray().to_netcdf(tmp_path / "decay.nc", engine="h5netcdf")
+    with xarray.open_dataset(tmp_path / "decay.nc", engine="h5netcdf") as file:
+        again = _Read(file.load()).record(Decay)
+    assert (again.errors.tolist(), again.limit, again.sure, again.words) == ([0.1, 0.2], 2.0, True, ("a", "b"))
+    with pytest.raises(ValueError, match="rate is int64"):
+        _Read(DECAY.to_xarray().assign(rate=DECAY.to_xarray()["rate"].astype(np.int64))).record(Decay)
+    with pytest.raises(ValueError, match="record='Decay': give what to_xarray"):
+        from_xarray(DECAY.to_xarray())  # which is no public record
