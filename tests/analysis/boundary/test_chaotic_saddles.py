@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import cos, log
+from math import cos, log, pi
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cellmap import CellGrid, PointMap, angle, discrete_map, find_attractors, find_periodic_orbits, plot, set_threads
-from cellmap.analysis.boundary import chaotic_saddle, escape_rate
+from cellmap import (
+    Basins,
+    CellGrid,
+    PointMap,
+    angle,
+    discrete_map,
+    find_attractors,
+    find_basins,
+    find_periodic_orbits,
+    plot,
+)
+from cellmap.analysis.boundary import chaotic_saddle, edge_orbit, escape_rate
 from cellmap.analysis.fractal import box_dimension
 from cellmap.maps import jacobian
+from cellmap.orbits import OrbitKind
 from systems import henon_map, logistic_map
-
-mpl.use("Agg")
-
 
 UNIT = CellGrid((0.0,), (1.0,), (1,))
 
@@ -52,6 +59,7 @@ def test_escape_from_open_tents(slope: float) -> None:
     assert found.survivors[0] == 400_000
 
 
+@pytest.mark.thorough
 def test_standard_error_is_that_of_repetitions() -> None:
     """Forty independent measurements scatter as their standard error says, within the error of that scatter."""
     runs = [escape_rate(tent(3.0), UNIT, n_samples=20_000, rng=s, fit_range=(1, 6)) for s in range(40)]
@@ -87,31 +95,6 @@ def test_escape_to_an_attractor_does_not_depend_on_how_it_is_left_out() -> None:
         escape_rate(logistic, UNIT, n_samples=1000, max_periods=50)
 
 
-def test_same_bits_for_any_number_of_threads() -> None:
-    rates = []
-    for threads in (1, 2):
-        set_threads(threads)
-        rates.append(escape_rate(tent(3.0), UNIT, n_samples=50_000))
-    assert rates[0].rate == rates[1].rate
-    assert np.array_equal(rates[0].survivors, rates[1].survivors)
-
-
-@pytest.mark.parametrize(
-    ("change", "error", "match"),
-    [
-        ({"n_samples": 100}, ValueError, "only 0 steps"),
-        ({"n_samples": 0}, ValueError, "n_samples=0"),
-        ({"max_periods": 2}, ValueError, "max_periods=2"),
-        ({"region": 3}, TypeError, "region=3"),
-        ({"region": CellGrid((0, 0), (1, 1), (1, 1))}, ValueError, "2 axes"),
-    ],
-)
-def test_what_an_escape_rate_refuses(change: Any, error: type[Exception], match: str) -> None:
-    arguments = {"point_map": tent(3.0), "region": UNIT, **change}
-    with pytest.raises(error, match=match):
-        escape_rate(**arguments)
-
-
 # --- the stagger-and-step method
 
 
@@ -127,45 +110,6 @@ def test_saddle_of_the_open_tent_is_the_cantor_set() -> None:
         assert ((saddle.points >= low - 1e-6) & (saddle.points <= high + 1e-6)).mean() > 0.05
 
 
-def test_each_point_is_the_image_of_the_one_before_but_for_its_stagger() -> None:
-    saddle = chaotic_saddle(tent(3.0), UNIT, n_points=500, max_stagger=1e-8)
-    images = tent(3.0)(saddle.points[:-1])
-    jumps = np.abs(saddle.points[1:] - images)[:, 0]
-    assert jumps == pytest.approx(saddle.staggers[1:], abs=1e-15)
-    assert 0 < np.count_nonzero(saddle.staggers) < 250
-
-
-def test_product_of_two_cantor_sets() -> None:
-    """A baker that opens in the middle: x is stretched by 3 and loses its middle third, y is squeezed by 3."""
-
-    def baker(x: Any, p: Any) -> tuple[float, float]:
-        side = (x[0] - 0.5) / (abs(x[0] - 0.5) + 1e-300)
-        return 1.5 - 3.0 * abs(x[0] - 0.5), x[1] / 3.0 + (1.0 + side) / 3.0
-
-    square = CellGrid((0.0, 0.0), (1.0, 1.0), (1, 1))
-    saddle = chaotic_saddle(discrete_map(baker, {}, ("x", "y")), square, n_points=600, lifetime=18, max_stagger=1e-7)
-    assert cantor_distance(saddle.points[:, 0]).max() < 3.0**-18
-    # Along y errors shrink, so that staggers of 1e-7 stay below their own size.
-    assert cantor_distance(saddle.points[:, 1]).max() < 2e-7
-
-
-@pytest.mark.slow
-def test_horseshoe_of_henons_map() -> None:
-    """At a = 6, b = 0.4 all that stays is a horseshoe in abs(x) <= R, x nowhere 0 (Devaney, Nitecki 1979)."""
-    a, b = 6.0, 0.4
-    henon = henon_map(a, b)
-    size = (1.0 + b + np.sqrt((1.0 + b) ** 2 + 4.0 * a)) / (2.0 * a)
-    window = CellGrid((-1.5, -0.6), (1.5, 0.6), (1, 1))
-    saddle = chaotic_saddle(henon, window, n_points=3000, lifetime=15, max_stagger=1e-8)
-    assert np.abs(saddle.points[:, 0]).max() <= size + 1e-9
-    # The horseshoe's points keep away from the fold line x = 0, where its two strips meet.
-    assert np.abs(saddle.points[:, 0]).min() > 0.2
-    fixed = find_periodic_orbits(henon, CellGrid((-1.5, -0.6), (1.5, 0.6), (60, 60)))
-    assert len(fixed) == 2
-    for orbit in fixed:
-        assert np.linalg.norm(saddle.points - orbit.points[0], axis=1).min() < 0.1
-
-
 def test_saddle_beside_an_attractor() -> None:
     """Beside the period-3 attractor of the logistic map; the unstable fixed point 1 - 1/r is on the saddle."""
     logistic = logistic_map(3.832)
@@ -178,12 +122,6 @@ def test_saddle_beside_an_attractor() -> None:
         chaotic_saddle(logistic, window, n_points=200)
 
 
-def test_same_seed_same_orbit() -> None:
-    a, b, c = (chaotic_saddle(tent(3.0), UNIT, n_points=60, rng=s) for s in (1, 1, 2))
-    assert np.array_equal(a.points, b.points)
-    assert not np.array_equal(a.points, c.points)
-
-
 def test_escape_rate_exponent_and_dimension_belong_together() -> None:
     """Kantz and Grassberger (1985): rate = (1 - D) exponent; on the open tent ln 3, D = ln 2/ln 3, rate ln(3/2)."""
     saddle = chaotic_saddle(tent(3.0), UNIT, n_points=1000)
@@ -194,22 +132,6 @@ def test_escape_rate_exponent_and_dimension_belong_together() -> None:
     rate = escape_rate(tent(3.0), UNIT, n_samples=50_000)
     error = np.hypot(rate.standard_error, exponent * dimension.standard_error)
     assert abs(rate.rate - (1.0 - dimension.dimension) * exponent) < 3.0 * error < 0.1
-
-
-@pytest.mark.parametrize(
-    ("change", "match"),
-    [
-        ({"n_points": 0}, "n_points=0"),
-        ({"lifetime": 0}, "lifetime=0"),
-        ({"max_stagger": 1.0}, "max_stagger"),
-        ({"region": CellGrid((0.4,), (0.6,), (1,)), "lifetime": 5}, "stays longest"),
-        ({"max_stagger": 2e-14, "lifetime": 15}, "no stagger"),
-    ],
-)
-def test_what_it_refuses(change: Any, match: str) -> None:
-    arguments = {"point_map": tent(3.0), "region": UNIT, "n_points": 200, **change}
-    with pytest.raises(ValueError, match=match):
-        chaotic_saddle(**arguments)
 
 
 def test_figures() -> None:
@@ -228,3 +150,121 @@ def test_figures() -> None:
     assert "\n" not in repr(horseshoe) + repr(found)
     with pytest.raises(TypeError, match="chaotic_saddle"):
         plot.chaotic_saddle(found)  # type: ignore[arg-type]
+
+
+# --- straddle orbits and the edge states at their end
+
+
+def _wells(x: Any, p: Any) -> tuple[float, float]:
+    return 1.4 * x[0] - 0.4 * x[0] ** 3, (p.r + p.s * x[0] ** 2) * x[1] * (1.0 - x[1])
+
+
+@pytest.fixture(scope="module")
+def wells() -> Basins:
+    """Two wells in x, bounded by x = 0 where the exponent is ln 1.4; y has a fixed point by itself."""
+    return find_basins(
+        discrete_map(_wells, {"r": 2.8, "s": 0.0}, ("x", "y")), CellGrid((-1.5, 0.01), (1.5, 0.99), (30, 20))
+    )
+
+
+def test_edge_between_hanging_and_inverted(pendulum: Basins) -> None:
+    """It is the saddle at (2.130, 0.892) or its mirror image, found by Newton's method in all cells besides."""
+    assert pendulum.point_map is not None
+    orbits = find_periodic_orbits(pendulum.point_map, CellGrid((-pi, -500.0), (pi, 500.0), (60, 60)))
+    known = [o for o in orbits if o.kind is OrbitKind.SADDLE and abs(o.points[0, 1]) < 10.0]
+    assert len(known) == 2
+    edge = edge_orbit(pendulum, 0, 1, periods=120)
+    assert edge.orbit is not None
+    assert abs(edge.orbit.points[0, 0]) == pytest.approx(2.13037047, abs=1e-8)
+    assert min(np.abs(edge.orbit.points[0] - o.points[0]).max() for o in known) < 1e-9
+    assert (edge.orbit.kind, edge.orbit.unstable, edge.returns) == (OrbitKind.SADDLE, 1, 1)
+    assert edge.growth.slope == pytest.approx(log(edge.orbit.multipliers[0].real), abs=1e-5)
+    assert (edge.widths < 2e-6).all()
+    assert set(map(tuple, edge.sides.tolist())) == {(0, 1)}
+
+
+def test_edge_of_smooth_wells(wells: Basins) -> None:
+    edge = edge_orbit(wells, periods=60)
+    assert edge.orbit is not None
+    assert edge.orbit.points[0] == pytest.approx([0.0, 1.0 - 1.0 / 2.8], abs=1e-9)
+    assert edge.growth.slope == pytest.approx(log(1.4), abs=1e-6)
+    assert np.abs(edge.points[:, 0]).max() < 1e-5
+
+
+def test_edge_of_period_two() -> None:
+    r = 3.3
+    basins = find_basins(
+        discrete_map(_wells, {"r": r, "s": 0.0}, ("x", "y")), CellGrid((-1.5, 0.01), (1.5, 0.99), (30, 20))
+    )
+    edge = edge_orbit(basins, periods=120)
+    assert edge.returns == 2
+    assert edge.orbit is not None
+    assert edge.orbit.period == 2
+    known = (r + 1 + np.array([-1, 1]) * np.sqrt((r - 3) * (r + 1))) / (2 * r)
+    assert np.sort(edge.orbit.points[:, 1]) == pytest.approx(known, abs=1e-9)
+
+
+def test_chaotic_edge_is_not_called_periodic() -> None:
+    """In the wells y rests, but along x = 0 its motion is chaotic, r = 3.9."""
+    basins = find_basins(
+        discrete_map(_wells, {"r": 3.9, "s": -1.1}, ("x", "y")), CellGrid((-1.5, 0.01), (1.5, 0.99), (30, 20))
+    )
+    edge = edge_orbit(basins, periods=300)
+    assert edge.orbit is None
+    assert edge.returns == 0
+    assert "no periodic orbit" in repr(edge)
+    assert np.ptp(edge.points[:, 1]) > 0.8
+    # Along the boundary pairs separate faster than across it, so that ln 1.4 is not what is seen.
+    along = np.log(np.abs(3.9 * (1.0 - 2.0 * edge.points[150:-1, 1]))).mean()
+    assert along > log(1.4)
+    assert edge.growth.slope == pytest.approx(along, abs=3.0 * edge.growth.standard_error)
+    assert edge.growth.standard_error > 0.01
+
+
+def test_edge_across_the_branch_cut_of_a_circle() -> None:
+    """x' = x - 0.4 sin(2 x) rests at 0 and pi, with the edges between them at +-pi/2; the branch cut is next to one."""
+    from math import sin
+
+    circle = discrete_map(lambda x, p: (x[0] - 0.4 * sin(2.0 * x[0]), 0.5 * x[1]), {}, (angle("a", lower=1.57), "y"))
+    basins = find_basins(circle, CellGrid((1.57, -1.0), (1.57 + 2 * pi, 1.0), (40, 10)))
+    edge = edge_orbit(basins, [1.0, 0.3], [2.0, 0.3], periods=40)
+    assert edge.orbit is not None
+    assert edge.orbit.points[0] == pytest.approx([0.5 * pi, 0.0], abs=1e-9)
+    assert edge.growth.slope == pytest.approx(log(1.8), abs=1e-6)
+
+
+def test_what_bounds_against_infinity() -> None:
+    """Labels of orbits that diverge are a side as well: the logistic map's basin ends at its fixed point 0."""
+    logistic = discrete_map(lambda x, p: (2.8 * x[0] * (1.0 - x[0]),), {}, ("x",))
+    edge = edge_orbit(find_basins(logistic, CellGrid((-0.5,), (1.5,), (40,))), 0, -2, periods=30)
+    assert edge.orbit is not None
+    assert edge.orbit.points[0] == pytest.approx([0.0], abs=1e-12)
+    assert edge.sides[-1].tolist() == [0, -2]
+
+
+def test_figures_of_edges(pendulum: Basins, wells: Basins) -> None:
+    edge = edge_orbit(pendulum, 0, 1, periods=40)
+    ax = plot.edge_orbit(edge, basins=pendulum)
+    clouds = [np.asarray(c.get_offsets()) for c in ax.collections if len(c.get_offsets()) == len(edge.points)]
+    assert any(np.array_equal(cloud, edge.points) for cloud in clouds)
+    assert ax.get_xlim() == pytest.approx((-pi, pi))
+    assert plot.edge_orbit(edge, coordinates=("theta'", "theta")).get_ylabel().startswith(r"$\theta$")
+    plot.fit(edge.growth)
+    with pytest.raises(TypeError, match="edge_orbit"):
+        plot.edge_orbit(wells)  # type: ignore[arg-type]
+
+
+def test_without_an_attractor_it_says_so() -> None:
+    """The fixed points 1 and -1 of 2 x - x**3 have the multiplier -1, and orbits approach them like 1/sqrt(n)."""
+    cubic = discrete_map(lambda x, p: (2.0 * x[0] - x[0] ** 3,), {}, ("x",))
+    with pytest.warns(UserWarning, match="undecided"):
+        basins = find_basins(cubic, CellGrid((-1.4,), (1.4,), (10,)), max_periods=200)
+    with pytest.raises(ValueError, match=r"basins=.*no attractor is verified.*edge_orbit\(outcome=\)"):
+        edge_orbit(basins)
+    edge = edge_orbit(basins, periods=20, outcome=lambda points: (points[:, 0] > 0.0).astype(int))
+    assert edge.orbit is not None
+    assert edge.orbit.points[0, 0] == pytest.approx(0.0, abs=1e-12)  # the slope of the map there is 2
+    assert edge.orbit.multipliers[0] == pytest.approx(2.0, abs=1e-9)
+    assert edge.sides[-1].tolist() == [0, 1]
+    with pytest.raises(ValueError, match=r"outcome returns .* return one whole number"):
+        edge_orbit(basins, outcome=lambda points: points)

@@ -8,12 +8,17 @@ import numpy as np
 import pytest
 
 import systems
-from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, set_threads, stroboscopic_map
+from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, stroboscopic_map
+from cellmap._compiled.kernels.boxes import NO_BASIN
 from cellmap.analysis import fit_line
 from cellmap.analysis.fractal import boundary_dimension
-from cellmap.analysis.fractal.boundary_dimensions import sampled
-from cellmap.analysis.fractal.label_images import boundary_boxes, count_boxes, label_image
-from studies.known_fractals import CANTOR, KOCH, cantor_labels, snowflake_labels
+from cellmap.analysis.fractal.boundary_dimensions import sampled, without_specks
+from cellmap.analysis.fractal.label_images import LabelImage, boundary_boxes, count_boxes, label_image
+from cellmap.analysis.fractal.uncertainty_fits import _halves
+from cellmap.analysis.fractal.wada_search import _centres
+from studies.known_fractals import CANTOR, cantor_labels
+
+THOROUGH = pytest.mark.thorough
 
 
 def counted(labels, size, offset, wraps):
@@ -62,16 +67,13 @@ def test_known_boundaries():
     sphere = boundary_dimension(ball)
     assert sphere.dimension == pytest.approx(2.0, abs=0.01)
     assert not sphere.fractal
-
-
-def test_cantor_stripes():
     stripes = np.repeat(cantor_labels(7, 1)[:, None], 2048, axis=1)
     found = boundary_dimension(stripes, n_offsets=16)
     assert found.dimension == pytest.approx(1.0 + CANTOR, abs=0.01)
     assert found.fractal
 
 
-@pytest.mark.parametrize("flipped", [1e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize("flipped", [pytest.param(1e-4, marks=THOROUGH), 1e-3, 1e-2])
 def test_wrong_labels_are_no_fractal(flipped):
     """A straight boundary, and Cantor's stripes, with isolated labels that are wrong: what they were without them."""
     rng, x = np.random.default_rng(7), (np.arange(1200) + 0.5) / 1200 - 0.5
@@ -88,14 +90,6 @@ def test_wrong_labels_are_no_fractal(flipped):
     noisy = boundary_dimension(np.where(rng.random(stripes.shape) < flipped, 1 - stripes, stripes), n_offsets=16)
     assert noisy.dimension == pytest.approx(1.0 + CANTOR, abs=0.05)
     assert noisy.fractal
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("angle", [0.0, 0.5])
-def test_koch_snowflake(angle):
-    found = boundary_dimension(snowflake_labels(4096, 8, angle), lattice=2, n_offsets=16)
-    assert found.dimension == pytest.approx(KOCH, abs=0.01)
-    assert found.fractal
 
 
 def rotated(cells, angle=0.3):
@@ -115,7 +109,7 @@ def gaps_of_cantor(t, ratio):
     return labels
 
 
-@pytest.mark.parametrize("ratio", [0.45, 0.4, 1 / 3, 0.25, 0.15])
+@pytest.mark.parametrize("ratio", [*(pytest.param(r, marks=THOROUGH) for r in (0.45, 0.4, 0.15)), 1 / 3, 0.25])
 @pytest.mark.parametrize(("width", "curved"), [(0.5, 0.0), (0.1, 0.0), (0.4, 0.7)])
 def test_layers_of_stripes(ratio, width, curved):
     """1 + ln 2/ln(1/ratio), of layers that cross the axes obliquely, thin ones and curved ones."""
@@ -127,20 +121,7 @@ def test_layers_of_stripes(ratio, width, curved):
     assert found.dimension == pytest.approx(exact, abs=max(0.02, 2.0 * found.standard_error))
 
 
-@pytest.mark.parametrize("ratio", [0.4, 1 / 3, 0.25])
-def test_thin_sets_as_images(ratio):
-    """Cantor's stripes themselves, thinner than a cell: what the cells do not show is estimated."""
-    y = rotated(1024)[1]
-    place, inside = y / 0.5 + 0.5, np.abs(y) <= 0.25
-    for _ in range(8):
-        inside &= (place <= ratio) | (place >= 1.0 - ratio)
-        place = np.where(place <= ratio, place / ratio, (place - 1.0 + ratio) / ratio)
-    found = boundary_dimension(inside)
-    low, high = found.fit.interval()
-    assert low <= 1.0 + np.log(2.0) / np.log(1.0 / ratio) <= high
-
-
-@pytest.mark.parametrize("waves", [20, 60, 150, 400])
+@pytest.mark.parametrize("waves", [*(pytest.param(w, marks=THOROUGH) for w in (20, 60, 150)), 400])
 def test_smooth_boundaries_folded_many_times(waves):
     """At large boxes the folds fill an area: slopes come down from 2 to 1, and the interval holds 1."""
     x, y = rotated(1024)
@@ -153,34 +134,6 @@ def test_smooth_boundaries_folded_many_times(waves):
             assert not found.fractal
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_discs_of_many_sizes_are_not_fractal(seed):
-    """Radii by a power law from 1 cell to 150: slopes fall through all values from 2 to 1."""
-    rng = np.random.default_rng(seed)
-    radii = (1e-3**-2.0 * (1.0 - (u := rng.random(400))) + 0.15**-2.0 * u) ** -0.5
-    x = (np.arange(1024) + 0.5) / 1024
-    labels = np.zeros((1024, 1024), bool)
-    for radius, (a, b) in zip(radii, rng.random((400, 2)), strict=True):
-        rows, columns = (slice(*np.searchsorted(x, [c - radius, c + radius])) for c in (a, b))
-        labels[rows, columns] ^= (x[rows, None] - a) ** 2 + (x[columns] - b) ** 2 < radius**2
-    for samples in (None, 1, 2):
-        assert not boundary_dimension(labels, lattice=samples).fractal
-
-
-def test_smooth_boundary_near_its_onset_is_not_called_fractal():
-    """Moon and Li's oscillator at f = 0.088: Melnikov's criterion 0.0881, manifolds touch at 0.0884 (studies.melnikov).
-
-    In an image slopes wander between 1.2 and 1.4; by pairs at smaller distances the exponent is 1.
-    """
-    exact = stroboscopic_map(systems.moon_li_duffing(0.15, 0.088, 0.8333))
-    icm = interpolated_map(exact, CellGrid((-2.5, -2.5), (2.5, 2.5), (300, 300)))
-    basins = find_basins(icm, CellGrid((-2.0, -2.0), (2.0, 2.0), (512, 512)))
-    for samples in (None, 1, 2):
-        found = boundary_dimension(basins, lattice=samples)
-        assert not found.fractal
-        assert found.standard_error > 0.02
-
-
 @pytest.fixture(scope="module")
 def duffing():
     exact = stroboscopic_map(systems.two_well_duffing())
@@ -188,6 +141,7 @@ def duffing():
     return find_basins(icm, CellGrid((-2.2, -2.2), (2.2, 2.2), (500, 500)))
 
 
+@THOROUGH
 def test_two_well_duffing(duffing):
     """1.90 +- 0.03, recomputed independently; both ways to look at boxes agree."""
     by_all_cells, by_corners = boundary_dimension(duffing), boundary_dimension(duffing, lattice=1)
@@ -198,7 +152,7 @@ def test_two_well_duffing(duffing):
     assert 1 not in by_all_cells.sizes[by_all_cells.usable]  # cells miss strands that are thinner
 
 
-@pytest.mark.slow
+@THOROUGH
 def test_moon_and_li():
     """1.776 +- 0.01 at small sizes, on many small windows at random places: boxes of 5e-5 to 4e-4.
 
@@ -221,6 +175,7 @@ def test_moon_and_li():
     assert dimension == pytest.approx(1.776, abs=0.01)
 
 
+@THOROUGH
 def test_smooth_boundary_of_the_pendulum():
     """3 mm: no orbit on the boundary is chaotic; near the wells the arms of the spiral are wide."""
     exact = stroboscopic_map(systems.driven_pendulum())
@@ -266,17 +221,6 @@ def test_any_labels():
         assert np.array_equal(boundary_dimension(labels).counts, counts)
 
 
-def test_masked_cells_are_no_basins():
-    labels = np.zeros((300, 300), int)
-    labels[:, 100:] = 1
-    labels[:, 200:] = 2
-    masked = boundary_dimension(np.ma.masked_equal(labels, 2))
-    assert np.array_equal(masked.counts, boundary_dimension(np.where(labels == 2, -3, labels)).counts)
-    assert masked.ignored == pytest.approx(1.0 / 3.0)
-    coded = boundary_dimension(np.ma.masked_equal(np.where(labels == 1, -2, labels), 2), include=(-2,))
-    assert np.array_equal(masked.counts, coded.counts)
-
-
 def test_images_that_every_other_cell_does_not_show():
     """A checkerboard, of which every other cell has one label, and a single cell."""
     board = np.add.outer(np.arange(256), np.arange(256)) % 2
@@ -285,14 +229,6 @@ def test_images_that_every_other_cell_does_not_show():
     for labels in (board, spot):
         with pytest.raises(ValueError, match="saturate at either end"):
             boundary_dimension(labels)
-
-
-def test_axes_of_one_cell_are_left_out():
-    x = np.arange(300)
-    half = (x[:, None] + 0.5 * x < 200).astype(int)
-    found = boundary_dimension(half[:, None, :])
-    assert np.array_equal(found.counts, boundary_dimension(half).counts)
-    assert found.topological == 1
 
 
 def test_boundary_on_the_branch_cut_of_a_circle_is_seen():
@@ -308,42 +244,77 @@ def test_boundary_on_the_branch_cut_of_a_circle_is_seen():
     assert boundary_dimension(halves).dimension == pytest.approx(1.0, abs=0.01)
 
 
-def test_same_bits_for_any_number_of_threads(duffing):
-    results = []
-    for threads in (1, 3):
-        set_threads(threads)
-        results.append(boundary_dimension(duffing, rng=2).counts)
-    assert np.array_equal(*results)
+# --- label images and what is read off them
 
 
-@pytest.mark.parametrize(
-    ("labels", "arguments", "error", "message"),
-    [
-        (np.full((50, 50), 0.5), {}, ValueError, "basins holds 0.5: labels are whole numbers"),
-        (np.zeros((50, 50), int), {}, ValueError, "no two basins meet"),
-        (np.zeros((0, 50), int), {}, ValueError, "at least two cells"),
-        (np.zeros((1, 1), int), {}, ValueError, "at least two cells"),
-        (np.eye(6, dtype=int), {}, ValueError, "sizes of boxes lie between"),
-        (np.eye(99, dtype=int), {"sizes": [1, 2, 500]}, ValueError, "a box of 500 cells is larger"),
-        (np.eye(99, dtype=int), {"sizes": [1, 2, 2.5]}, ValueError, "whole numbers of cells"),
-        (np.eye(99, dtype=int), {"sizes": [1, 2, 4], "lattice": 2}, ValueError, "multiples of lattice=2"),
-        (np.eye(99, dtype=int), {"wraps": (True,)}, ValueError, "one entry for each of the 2 axes"),
-    ],
-)
-def test_errors(labels, arguments, error, message):
-    with pytest.raises(error, match=message):
-        boundary_dimension(labels, **arguments)
+CELLS = np.arange(30, dtype=np.int16).reshape(6, 5)
 
 
-def test_basins_of_single_initial_conditions_are_refused():
-    halves = find_basins(discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",)), [[0.1], [0.2]])
-    with pytest.raises(ValueError, match="give basins on a grid"):
-        boundary_dimension(halves)
+def test_masked_cells_and_nan_are_missing():
+    """Of masked floats both are; of masked whole numbers what is masked; and of plain floats NaN."""
+    labels = np.array([[0.0, 1.0, np.nan], [1.0, 0.0, 1.0]])
+    mask = np.array([[False, True, False], [False, False, True]])
+    whole = np.ma.MaskedArray(np.nan_to_num(labels).astype(int), mask)
+    for source, missing in (
+        (np.ma.MaskedArray(labels, mask), mask | np.isnan(labels)),
+        (np.ma.MaskedArray(labels, np.zeros((2, 3), bool)), np.isnan(labels)),
+        (labels, np.isnan(labels)),
+        (whole, mask),
+        (np.nan_to_num(labels), np.zeros((2, 3), bool)),
+    ):
+        image = label_image(source)
+        assert np.array_equal(image.numbers == NO_BASIN, missing)
+        assert np.array_equal(image.numbers[~missing], np.nan_to_num(labels)[~missing])
+        assert image.ignored == pytest.approx(missing.mean())
+        assert image.complete == (not missing.any())
 
 
-@pytest.mark.parametrize(
-    "labels", [np.array([[1.0, 2.0]]), np.array([[1], [2]]), np.eye(2, dtype=int), np.array([[[1, 2], [2, 1]]])]
-)
-def test_images_with_few_cells_along_an_axis_are_refused(labels):
-    with pytest.raises(ValueError, match="basins"):
-        boundary_dimension(labels)
+@pytest.mark.parametrize("wraps", [False, True])
+def test_neighbours_are_one_cell_away_unless_said(wraps):
+    image = LabelImage(CELLS, (0,), (wraps, False))
+    pairs = {(int(a), int(b)) for one, other in image.neighbours(0) for a, b in zip(one.flat, other.flat, strict=True)}
+    inner = {(5 * i + j, 5 * i + j + 5) for i in range(5) for j in range(5)}
+    assert pairs == inner | ({(25 + j, j) for j in range(5)} if wraps else set())
+    three = [
+        (int(a), int(b)) for one, other in image.neighbours(0, 3) for a, b in zip(one.flat, other.flat, strict=True)
+    ]
+    assert len(three) == (30 if wraps else 15) and all((b - a) % 30 == 15 for a, b in three)
+
+
+def test_specks_take_the_label_around_them():
+    """Groups of up to four cells, by their own label alone: one of 1 between 0 and 2 is one, five cells are none."""
+    numbers = np.zeros((12, 12), np.int16)
+    numbers[:, 6:] = 2
+    numbers[5, 6] = 1  # beside both
+    numbers[2, 1:5] = 1
+    numbers[9, 1:6] = 1
+    numbers[0, 9:11] = NO_BASIN
+    found = without_specks(LabelImage(numbers, (0, 1, 2), (False, False))).numbers
+    assert found[5, 6] in (0, 2)
+    assert (found[2] == numbers[1]).all()
+    rest = np.ones(numbers.shape, bool)
+    rest[5, 6], rest[2, 1:5] = False, False
+    assert np.array_equal(found[rest], numbers[rest])
+
+
+def test_halves_of_a_window_have_their_own_slopes():
+    """The coarse half, where x is large, has the slope 1 and the fine one 3."""
+    x = np.arange(12.0)
+    y = np.where(x < 6, 3.0 * x, 15.0 + 1.0 * (x - 5))
+    halves = _halves(fit_line(x, y, (0, 11)))
+    assert halves is not None
+    assert [slope for slope, _ in halves] == pytest.approx([1.0, 3.0])
+    assert _halves(fit_line(x[:5], y[:5], (0, 4))) is None
+
+
+def test_centres_of_another_region_are_labelled_there():
+    wells = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, 0.5 * x[1]), {}, ("x", "y"))
+    basins = find_basins(wells, CellGrid((-1.2, -1.0), (1.2, 1.0), (12, 10)))
+    region = CellGrid((0.1, -1.0), (1.0, 1.0), (5, 4))
+    assert _centres(basins, None, (), None, 200)[1] is basins.labels
+    for source in (basins, wells):
+        states, labels = _centres(source, region, (), None, 200)
+        assert states.region == region and labels.shape == (5, 4)
+        assert len(np.unique(labels)) == 1
+    ruled = _centres(basins, None, (), lambda x: np.where(x[:, 0] > 0.5, 3, -1), 200)[1]
+    assert ruled.shape == (12, 10) and set(np.unique(ruled[6:])) == {3}

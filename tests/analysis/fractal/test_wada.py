@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from math import pi
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 
 import systems
-from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, plot, set_threads, stroboscopic_map
+from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, plot, stroboscopic_map
 from cellmap.analysis.fractal import wada_grid, wada_merging
-
-mpl.use("Agg")
 
 
 def stripes(width, basins=3, shape=(120, 90)):
@@ -34,19 +31,16 @@ def window(cells):
     return CellGrid((-pi, -2.0), (pi, 4.0), (cells, cells))
 
 
-@pytest.fixture(scope="module")
-def wada_pendulum():
-    return pendulum(1.66)
+def newton(x, p):
+    square, product = x[0] ** 2 - x[1] ** 2, 2.0 * x[0] * x[1]
+    size = 3.0 * (square**2 + product**2)
+    return 2.0 * x[0] / 3.0 + square / size, 2.0 * x[1] / 3.0 - product / size
 
 
 @pytest.fixture(scope="module")
-def partial_pendulum():
-    return pendulum(1.71)
-
-
-@pytest.fixture(scope="module")
-def small(wada_pendulum):
-    return find_basins(wada_pendulum, window(40))
+def roots():
+    """Basins of Newton's method for z^3 = 1."""
+    return find_basins(discrete_map(newton, {}, ("x", "y")), CellGrid((-2.0, -1.5), (2.02, 1.53), (90, 60)))
 
 
 # --- merging
@@ -120,33 +114,15 @@ def test_narrow_images_take_a_smaller_radius(shape):
     assert wada_merging(stripes(1, 2, shape)).verdict == "not"
 
 
-def test_volumes():
-    fine = np.arange(30)[:, None, None] % 3 + np.zeros((30, 20, 16), int)
-    assert wada_merging(fine).verdict == "Wada"
-    assert wada_merging(np.arange(30)[:, None, None] // 10 + np.zeros((30, 20, 16), int)).verdict == "not"
-
-
-def test_errors():
-    with pytest.raises(ValueError, match="radius=20"):
-        wada_merging(stripes(1), radius=20)
-    with pytest.raises(ValueError, match="1 cells"):
-        wada_merging([[0]])
-    with pytest.raises(ValueError, match="tolerance"):
-        wada_merging(stripes(1), tolerance=0.9)
-
-
-def test_merging_basins_of_pendulums(wada_pendulum, partial_pendulum):
-    """Wada at a forcing of 1.66, partially at 1.71 (Wagemakers, Daza, Sanjuan 2021, figure 2)."""
-    assert wada_merging(find_basins(wada_pendulum, window(400))).verdict == "Wada"
-    assert wada_merging(find_basins(partial_pendulum, window(400))).verdict == "partially"
-
-
 # --- the grid method
 
 
-def test_wada_pendulum(wada_pendulum):
+@pytest.mark.thorough
+def test_wada_pendulum():
     """th'' + 0.2 th' + sin th = 1.66 cos t has three Wada basins (Nusse, Ott, Yorke 1995; Daza et al. 2015)."""
-    found = wada_grid(find_basins(wada_pendulum, window(100)), refinements=12)
+    point_map = pendulum(1.66)
+    assert wada_merging(find_basins(point_map, window(400))).verdict == "Wada"
+    found = wada_grid(find_basins(point_map, window(100)), refinements=12)
     assert len(found.basins) == 3
     assert found.verdict == "Wada"
     assert found.fractions[0, 3] < 0.8  # the centres alone do not tell
@@ -156,22 +132,16 @@ def test_wada_pendulum(wada_pendulum):
     assert found.colours.shape == (100, 100)
 
 
-def test_partially_wada_pendulum(partial_pendulum):
+@pytest.mark.thorough
+def test_partially_wada_pendulum():
     """At a forcing of 1.71 there are four basins, and some boundary has two of them only (Wagemakers et al. 2021)."""
-    found = wada_grid(find_basins(partial_pendulum, window(100)), max_points=500_000)
+    point_map = pendulum(1.71)
+    assert wada_merging(find_basins(point_map, window(400))).verdict == "partially"
+    found = wada_grid(find_basins(point_map, window(100)), max_points=500_000)
     assert len(found.basins) == 4
     assert found.verdict == "partially"
     # Boxes that lack a basin become half as many from step to step where the boundary is Wada; here they stay.
     assert found.fractions[-1, 2] > 0.9 * found.fractions[-2, 2] > 0.0
-
-
-def test_two_basins_are_not_wada_on_the_grid():
-    """At a forcing of 2 there are two."""
-    basins = find_basins(pendulum(2.0), window(100))
-    found = wada_grid(basins)
-    assert found.verdict == "not"
-    assert found.fractions[0, 2] == 1.0
-    assert len(found.points) == 1
 
 
 def test_smooth_basins_are_not_wada_on_the_grid():
@@ -202,19 +172,12 @@ def test_smooth_basins_as_narrow_as_boxes_are_not_wada(cells):
     assert found.closer.tolist() == [0, 0, 400, 0]
 
 
-def test_newtons_method_for_three_roots_is_wada():
+def test_newtons_method_for_three_roots_is_wada(roots):
     """The boundary of the basins of z^3 = 1 is the Julia set of Newton's map, which all three share (Peitgen 1986)."""
-
-    def newton(x, p):
-        square, product = x[0] ** 2 - x[1] ** 2, 2.0 * x[0] * x[1]
-        size = 3.0 * (square**2 + product**2)
-        return 2.0 * x[0] / 3.0 + square / size, 2.0 * x[1] / 3.0 - product / size
-
-    basins = find_basins(discrete_map(newton, {}, ("x", "y")), CellGrid((-2.0, -1.5), (2.02, 1.53), (90, 60)))
-    found = wada_grid(basins)
+    found = wada_grid(roots)
     assert found.verdict == "Wada"
     assert found.closer[3] > 0.98 * found.closer.sum() > 350
-    for unresolved in (wada_grid(basins, refinements=0), wada_grid(basins, max_points=100)):
+    for unresolved in (wada_grid(roots, refinements=0), wada_grid(roots, max_points=100)):
         assert unresolved.verdict == "not"
 
 
@@ -235,34 +198,9 @@ def test_initial_conditions_without_a_basin_have_no_colour():
     assert both.boundary == 4 * 30
 
 
-def test_maps_and_slices(wada_pendulum, small):
-    """Without basins these are found first; an axis of one cell is held."""
-    line = wada_grid(wada_pendulum, CellGrid((-pi, 0.4), (pi, 0.6), (300, 1)), refinements=6)
-    assert line.colours.shape == (300, 1)
-    assert len(line.basins) == 3
-    same = wada_grid(wada_pendulum, window(40), refinements=3)
-    again = wada_grid(small, refinements=3)
-    assert np.array_equal(same.boxes, again.boxes)
-
-
-def test_same_counts_for_any_number_of_threads(small):
-    counts = []
-    for threads in (1, 3):
-        set_threads(threads)
-        counts.append(wada_grid(small, refinements=6).boxes)
-    assert np.array_equal(*counts)
-
-
-def test_budget(small):
-    found = wada_grid(small, max_points=1000)
-    assert found.points[1:].sum() <= 1000
-    assert wada_grid(small, refinements=0).boxes.shape == (1, 4)
-
-
-def test_plots(small):
-    found = wada_grid(small, refinements=5)
+def test_plots(roots):
+    found = wada_grid(roots, refinements=5)
     assert plot.wada(found).get_xlabel() == "step"
     assert plot.wada(wada_merging(stripes(1))).get_title() == "Wada"
     with pytest.raises(TypeError, match="give a WadaGrid"):
         plot.wada(3)
-    mpl.pyplot.close("all")

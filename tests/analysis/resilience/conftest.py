@@ -2,28 +2,12 @@
 
 from __future__ import annotations
 
-from math import pi
 from typing import Any
 
-import matplotlib as mpl
 import pytest
 
-from cellmap import (
-    Basins,
-    CellGrid,
-    PointMap,
-    discrete_map,
-    find_basins,
-    interpolated_map,
-    stroboscopic_map,
-)
-from cellmap.analysis.resilience import (
-    FatalShock,
-    minimal_fatal_shock,
-)
-from systems import driven_pendulum
-
-mpl.use("Agg")
+from cellmap import Basins, CellGrid, PointMap, discrete_map, find_basins
+from cellmap.analysis.resilience import FatalShock, minimal_fatal_shock
 
 
 def _cubic(x: Any, p: Any) -> tuple[float, ...]:
@@ -53,19 +37,6 @@ def disc() -> Basins:
 
 
 @pytest.fixture(scope="session")
-def pendulum() -> Basins:
-    exact = stroboscopic_map(driven_pendulum(amplitude=0.003))
-    table = interpolated_map(exact, CellGrid((-pi, -1000.0), (pi, 1000.0), (128, 256)), outside="integrate")
-    return find_basins(table, CellGrid((-pi, -500.0), (pi, 500.0), (200, 200)))
-
-
-@pytest.fixture(scope="session")
 def shocks(pendulum: Basins) -> list[FatalShock]:
     """Out of the hanging and out of the inverted pendulum."""
     return [minimal_fatal_shock(pendulum, k, n_trials=1024) for k in (0, 1)]
-
-
-@pytest.fixture
-def disc_function() -> Any:
-    """The map of which `disc` is a basin, for any number of coordinates."""
-    return _disc

@@ -3,31 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import erf, log2, pi, sqrt
+from math import log2, pi, sqrt
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from cellmap import (
-    Basins,
-    CellGrid,
-    PointMap,
-    discrete_map,
-    find_basins,
-    plot,
-    set_threads,
-)
+from cellmap import Basins, CellGrid, PointMap, discrete_map, find_basins, plot
 from cellmap.analysis import binomial_interval
 from cellmap.analysis.resilience import (
+    FatalShock,
     basin_stability,
+    largest_ball,
+    local_integrity,
+    minimal_fatal_shock,
     settling_statistics,
+    tipping_probabilities,
 )
-
-mpl.use("Agg")
-
+from cellmap.basins import finding
+from cellmap.basins.label_file import OnDisk
 
 # --- binomial intervals
 
@@ -38,20 +33,7 @@ def test_intervals_are_those_of_scipy(name: str, theirs: str, k: int, n: int) ->
     expected = binomtest(k, n).proportion_ci(0.99, method=theirs)
     low, high = binomial_interval(k, n, 0.99, name)
     assert (float(low), float(high)) == pytest.approx((expected.low, expected.high), abs=1e-12)
-
-
-def test_interval_of_no_trials_says_nothing() -> None:
-    assert [float(v) for v in binomial_interval(0, 0)] == [0.0, 1.0]
-    assert [float(v) for v in binomial_interval(0, 0, method="Wilson")] == [0.0, 1.0]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "match"),
-    [((3, 2), "counts between"), ((1, 2, 1.5), "confidence"), ((1, 2, 0.9, "Wald"), "method='Wald'")],
-)
-def test_intervals_that_are_none(arguments: Any, match: str) -> None:
-    with pytest.raises(ValueError, match=match):
-        binomial_interval(*arguments)
+    assert [float(v) for v in binomial_interval(0, 0, method=name)] == [0.0, 1.0]
 
 
 # --- basin stability
@@ -65,23 +47,6 @@ def test_intervals_cover_a_known_fraction_as_often_as_they_say(cubic: PointMap, 
         right = basin_stability(line, window, n_samples=100, rng=seed).fractions[0]
         hits += right.low <= 0.75 <= right.high
     assert hits >= 184
-    assert (
-        basin_stability(line, window, n_samples=100, rng=5).labels.tolist()
-        != basin_stability(line, window, n_samples=100, rng=6).labels.tolist()
-    )
-
-
-def test_normal_distribution_of_perturbations(line: Basins) -> None:
-    """Of a normal law about 1 with spread 0.4, the right basin holds (0, sqrt 3) and what jumps over and back."""
-
-    def below(x: float) -> float:
-        return 0.5 * (1.0 + erf((x - 1.0) / 0.4 / sqrt(2.0)))
-
-    back = float(np.roots([-0.5, 0.0, 1.5, sqrt(3.0)]).real.max())  # its image is -sqrt 3
-    known = below(sqrt(3.0)) - below(0.0) + below(sqrt(5.0)) - below(back)
-    found = basin_stability(line, lambda rng, n: rng.normal(1.0, 0.4, (n, 1)), n_samples=40_000, confidence=0.999)
-    assert found.fractions[0].low < known < found.fractions[0].high
-    assert found.fractions[0].standard_error == pytest.approx(sqrt(known * (1 - known) / 40_000), rel=0.02)
 
 
 def test_undecided_states_belong_to_no_basin_and_widen_the_intervals(line: Basins) -> None:
@@ -98,52 +63,10 @@ def test_undecided_states_belong_to_no_basin_and_widen_the_intervals(line: Basin
     assert width[0] > width[1] + 0.9 * hasty.undecided / 4000
 
 
-def test_a_map_with_attractors_will_do(cubic: PointMap, line: Basins) -> None:
-    window = CellGrid((-0.5,), (1.5,), (1,))
-    a = basin_stability(cubic, window, n_samples=500, attractors=line.attractors, rng=3)
-    b = basin_stability(line, window, n_samples=500, rng=3)
-    assert np.array_equal(a.labels, b.labels)
-
-
 def test_states_that_diverge_have_a_fraction_of_their_own(disc: Basins) -> None:
     found = basin_stability(disc, n_samples=20_000, rng=1)
     assert found.fractions[0].low < pi / 9.0 < found.fractions[0].high
     assert found.fractions[-2].count + found.fractions[0].count == 20_000
-
-
-def test_same_bits_for_any_number_of_threads(pendulum: Basins) -> None:
-    results = []
-    for threads in (1, 2):
-        set_threads(threads)
-        results.append(basin_stability(pendulum, n_samples=20_000, point_map=pendulum.point_map))
-    assert np.array_equal(results[0].labels, results[1].labels)
-    assert np.array_equal(results[0].settling_time, results[1].settling_time)
-
-
-@pytest.mark.parametrize(
-    ("change", "error", "match"),
-    [
-        ({"n_samples": 0}, ValueError, "n_samples=0"),
-        ({"distribution": 3}, TypeError, "distribution=3"),
-        ({"distribution": lambda rng, n: np.zeros((n, 2))}, ValueError, "last axis"),
-        ({"distribution": lambda rng, n: np.zeros((n - 1, 1))}, ValueError, "return 10000 states"),
-        ({"distribution": CellGrid((0, 0), (1, 1), (1, 1))}, ValueError, "2 axes"),
-        ({"confidence": 0.0}, ValueError, "confidence"),
-        ({"method": "Wald"}, ValueError, "method"),
-    ],
-)
-def test_what_basin_stability_refuses(line: Basins, change: Any, error: type[Exception], match: str) -> None:
-    with pytest.raises(error, match=match):
-        basin_stability(line, **change)
-
-
-def test_a_map_without_attractors_or_basins_without_a_map_are_refused(cubic: PointMap, line: Basins) -> None:
-    with pytest.raises(ValueError, match="attractors is empty"):
-        basin_stability(cubic, CellGrid((0,), (1,), (1,)))
-    with pytest.raises(ValueError, match="have no map"):
-        basin_stability(replace(line, point_map=None))
-    with pytest.raises(TypeError, match="give Basins"):
-        basin_stability(np.zeros(3, int))  # type: ignore[arg-type]
 
 
 # --- settling times
@@ -181,16 +104,103 @@ def test_initial_conditions_that_do_not_settle_are_kept_apart(line: Basins) -> N
     assert min(s.quantiles.min() for s in found.basins.values()) >= 0.0
 
 
-def test_basin_without_initial_conditions_has_no_mean(line: Basins) -> None:
-    none = replace(line, labels=np.full_like(line.labels, -3), settling_time=np.full_like(line.settling_time, -1))
-    found = settling_statistics(none).basins[0]
-    assert (found.count, found.longest) == (0, -1)
-    assert np.isnan([found.mean, found.standard_error, *found.quantiles]).all()
-    plot.settling_times(settling_statistics(none))
+# --- checkpoints and clusters
 
 
-def test_what_settling_statistics_refuses(line: Basins) -> None:
-    with pytest.raises(TypeError, match="give Basins"):
-        settling_statistics(line.labels)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="levels"):
-        settling_statistics(line, levels=(1.5,))
+def same(one, other):
+    assert np.array_equal(one.labels, other.labels)
+    assert np.array_equal(one.settling_time, other.settling_time)
+    assert [vars(s) for s in one.fractions.values()] == [vars(s) for s in other.fractions.values()]
+
+
+def test_a_run_that_is_interrupted_goes_on(line, tmp_path, monkeypatch):
+    window = CellGrid((-2.5,), (2.5,), (1,))
+    whole = basin_stability(line, window, 40_000)
+    # Beyond sqrt(5) orbits diverge.
+    assert whole.fractions[-2].fraction == pytest.approx(
+        1.0 - np.sqrt(5.0) / 2.5, abs=4 * whole.fractions[-2].standard_error
+    )
+    put, done = OnDisk.put, []
+
+    def stopped(self, number, rows, settled):
+        if done:
+            raise KeyboardInterrupt
+        done.append(number)
+        put(self, number, rows, settled)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(OnDisk, "put", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            basin_stability(line, window, 40_000, checkpoint=tmp_path / "run.h5")
+    left = []
+    again = OnDisk.put
+
+    def counted(self, number, rows, settled):
+        left.append(number)
+        again(self, number, rows, settled)
+
+    monkeypatch.setattr(OnDisk, "put", counted)
+    same(basin_stability(line, window, 40_000, checkpoint=tmp_path / "run.h5"), whole)
+    assert len(left) == 2  # of three tiles
+    monkeypatch.setattr(finding, "Run", None)  # the file has it all
+    same(basin_stability(line, window, 40_000, checkpoint=tmp_path / "run.h5"), whole)
+
+
+@pytest.mark.thorough
+def test_a_cluster_gives_the_same_labels(line):
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        here, there = (basin_stability(line, n_samples=20_000, client=c) for c in (None, client))
+    same(here, there)
+
+
+# --- figures and summaries
+
+
+def full_rotations_off(apart: Any, basins: Basins) -> Any:
+    for j, c in enumerate(basins.coordinates):
+        if c.period is not None:
+            apart[:, j] -= c.period * np.round(apart[:, j] / c.period)
+    return apart
+
+
+def test_figures(disc: Basins, pendulum: Basins, line: Basins, shocks: list[FatalShock]) -> None:
+    assert len(plot.basin_stability(basin_stability(disc, n_samples=50)).patches) == 2
+    assert len(plot.settling_times(settling_statistics(pendulum)).get_lines()) == 4
+    for ball, basins in ((local_integrity(pendulum, 1, refine=False), pendulum), (largest_ball(disc, 0), disc)):
+        lines = [line.get_xydata() for line in plot.ball(ball, basins=basins).get_lines()]
+        circles = [line[np.isfinite(line).all(axis=1)] - ball.centre for line in lines if len(line) > 300]
+        away = [np.hypot(*(full_rotations_off(d, basins) / ball.scale).T) for d in circles]
+        assert any(np.allclose(d, ball.radius, rtol=1e-6) for d in away)
+        assert any(np.allclose(line, ball.centre) for line in lines)
+    ax = plot.fatal_shock(shocks[1], basins=pendulum)
+    (cross,) = (line for line in ax.get_lines() if line.get_marker() == "X")
+    assert cross.get_xydata()[0] == pytest.approx(shocks[1].end)
+    assert ax.get_xlim() == pytest.approx((-pi, pi))
+    assert plot.tipping(tipping_probabilities(line, line)).get_ylabel() == "before"
+    solid = find_basins(
+        discrete_map(lambda x, p: tuple(v / 2 for v in x), {}, ("x", "y", "z")),
+        CellGrid((-1.3,) * 3, (1.3,) * 3, (6,) * 3),
+    )
+    with pytest.raises(ValueError, match="two axes"):
+        plot.ball(largest_ball(solid, 0), basins=solid)
+    for draw in (plot.basin_stability, plot.settling_times, plot.tipping):
+        with pytest.raises(TypeError, match=r"=3: give .*, made by"):
+            draw(3)  # type: ignore[operator]
+
+
+def test_records_say_what_they_are_in_one_line(disc: Basins, line: Basins) -> None:
+    records = [
+        basin_stability(disc, n_samples=50),
+        settling_statistics(disc),
+        settling_statistics(disc).basins[0],
+        minimal_fatal_shock(disc, 0, n_trials=64),
+        local_integrity(disc, 0, refine=False),
+        tipping_probabilities(line, line),
+    ]
+    for record in records:
+        assert "\n" not in repr(record)
+        assert len(repr(record)) < 250

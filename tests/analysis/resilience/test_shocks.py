@@ -4,32 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import atan2, cos, pi, sin, sqrt
-from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 
-from cellmap import (
-    Basins,
-    CellGrid,
-    angle,
-    discrete_map,
-    find_basins,
-    find_periodic_orbits,
-    stroboscopic_map,
-)
+from cellmap import Basins, CellGrid, angle, discrete_map, find_basins, find_periodic_orbits, stroboscopic_map
 from cellmap.analysis.boundary import saddle_manifold
-from cellmap.analysis.resilience import (
-    FatalShock,
-    largest_ball,
-    local_integrity,
-    minimal_fatal_shock,
-)
+from cellmap.analysis.resilience import FatalShock, largest_ball, local_integrity, minimal_fatal_shock
 from cellmap.maps import inverse_stroboscopic_map
-from systems import driven_pendulum
-
-mpl.use("Agg")
+from systems import driven_pendulum, logistic_map
 
 
 def test_shock_that_the_window_does_not_show(line: Basins) -> None:
@@ -62,13 +45,6 @@ def test_scale_and_direction_of_a_shock(disc: Basins) -> None:
     assert kicked.size == pytest.approx(0.8, abs=1e-9)
     by_number = minimal_fatal_shock(disc, 0, point=(0.6, 0.0), scale=1.0, along=[1])
     assert by_number.size == kicked.size
-
-
-def test_shock_out_of_a_ball_in_three_dimensions(disc_function: Any) -> None:
-    ball = find_basins(discrete_map(disc_function, {}, ("x", "y", "z")), CellGrid((-1.3,) * 3, (1.3,) * 3, (16,) * 3))
-    shock = minimal_fatal_shock(ball, 0, point=(0.0, 0.3, 0.0), scale=1.0)
-    assert shock.size == pytest.approx(0.7, abs=1e-9)
-    assert shock.shock == pytest.approx([0.0, 0.7, 0.0], abs=1e-4)
 
 
 def test_shock_goes_the_shorter_way_round_a_circle() -> None:
@@ -114,44 +90,6 @@ def test_shock_out_of_the_inverted_pendulum_ends_on_the_saddles_stable_manifold(
         assert shock.inside_fatal == 0
 
 
-def test_mirror_images_have_equal_shocks(pendulum: Basins) -> None:
-    """The two rotations, labels 2 and 3, are mirror images."""
-    sizes = [minimal_fatal_shock(pendulum, k, scale=(1.0, 300.0), n_trials=512).size for k in (2, 3)]
-    assert sizes[0] == pytest.approx(sizes[1], rel=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("label", "change", "match"),
-    [
-        (-1, {}, "are not basins"),
-        (7, {}, "label=7"),
-        (0, {"scale": 0.0}, "scale=0.0"),
-        (0, {"scale": (1.0, 1.0, 1.0)}, "scale="),
-        (0, {"point": (2.0, 0.0)}, r"label -2, not 0"),
-        (0, {"point": (2.0,)}, "point has shape"),
-        (0, {"along": ["z"]}, "along='z'"),
-        (0, {"along": []}, "along is empty"),
-        (0, {"n_trials": 0}, "n_trials=0"),
-    ],
-)
-def test_what_a_shock_refuses(disc: Basins, label: int, change: Any, match: str) -> None:
-    with pytest.raises(ValueError, match=match):
-        minimal_fatal_shock(disc, label, **change)
-
-
-def test_labels_that_are_no_whole_numbers() -> None:
-    with pytest.raises(TypeError, match=r"basins=array.*: give Basins, or whole numbers as labels"):
-        largest_ball(np.zeros((3, 3)), 0)
-
-
-def test_no_shock_where_all_come_back(disc: Basins, disc_function: Any) -> None:
-    inner = find_basins(discrete_map(disc_function, {}, ("x", "y")), CellGrid((-0.5, -0.5), (0.5, 0.5), (10, 10)))
-    with pytest.raises(ValueError, match="larger window"):
-        minimal_fatal_shock(inner, 0)
-    with pytest.raises(ValueError, match="larger window"):
-        local_integrity(inner, 0)
-
-
 def test_undecided_cells_are_not_fatal(disc: Basins) -> None:
     """With the cells outside relabelled as undecided, nothing is known to be fatal."""
     labels = np.where(disc.labels == -2, -3, disc.labels).astype(np.int16)
@@ -159,9 +97,59 @@ def test_undecided_cells_are_not_fatal(disc: Basins) -> None:
         minimal_fatal_shock(replace(disc, labels=labels), 0)
 
 
-def test_initial_conditions_without_a_grid_serve_as_well(disc_function: Any) -> None:
-    initial_conditions = np.random.default_rng(0).uniform(-1.5, 1.5, (3000, 2))
-    basins = find_basins(discrete_map(disc_function, {}, ("x", "y")), initial_conditions)
-    with pytest.raises(ValueError, match="scale is missing"):
-        minimal_fatal_shock(basins, 0)
-    assert minimal_fatal_shock(basins, 0, scale=1.0).size == pytest.approx(1.0, abs=1e-9)
+# --- largest balls in basins
+
+
+def test_integrity_of_a_disc(disc: Basins) -> None:
+    rough, fine = (local_integrity(disc, 0, scale=1.0, refine=r) for r in (False, True))
+    assert abs(rough.radius - 1.0) < rough.resolution
+    assert fine.radius == pytest.approx(1.0, abs=1e-9)
+    assert not fine.meets_window
+    assert rough.shock is None
+    assert fine.centre == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+def test_integrity_of_a_cycle_is_that_of_its_weakest_point() -> None:
+    """Logistic map, r = 3.2: both points of the 2-cycle lie in (0, 1), outside of which orbits diverge.
+
+    Single points of the boundary within, such as the preimages of the unstable fixed point, have no room and no weight.
+    """
+    r = 3.2
+    basins = find_basins(logistic_map(r), CellGrid((-0.5,), (1.5,), (200,)))
+    high = (r + 1 + sqrt((r - 3) * (r + 1))) / (2 * r)
+    ball = local_integrity(basins, 0, scale=1.0)
+    assert ball.radius == pytest.approx(1.0 - high, abs=1e-9)
+    assert ball.centre == pytest.approx([high])
+
+
+def test_largest_ball_about_any_centre(disc: Basins) -> None:
+    ball = largest_ball(disc, 0, scale=1.0)
+    assert abs(ball.radius - 1.0) < ball.resolution
+    assert np.linalg.norm(ball.centre) < ball.resolution
+    refined = largest_ball(disc, 0, scale=1.0, refine=True)
+    assert refined.radius == pytest.approx(1.0 - np.linalg.norm(refined.centre), abs=1e-7)
+
+
+def test_largest_ball_wraps_and_stops_at_a_window() -> None:
+    labels = np.zeros((20, 11), int)
+    labels[:4], labels[-5:] = 1, 1
+    closed = largest_ball(labels, 1, wraps=(True, False))
+    assert closed.radius == 5.0  # nine rows across the branch cut: from the middle one to the first beyond
+    assert closed.centre[0] in (19.5, 0.5 - 0.0)
+    opened = largest_ball(labels, 1)
+    assert opened.radius == 3.0
+    assert opened.meets_window
+    narrow = largest_ball(labels, 0, scale=(1.0, 0.1))
+    assert narrow.radius == 6.0
+    assert not narrow.meets_window
+
+
+def test_undecided_cells_end_a_ball() -> None:
+    labels = np.ones((9, 9), int)
+    labels[4, 4] = -3
+    # About cell (2, 2): the undecided one is nearer than the third row away, beyond the window.
+    ball = largest_ball(labels, 1)
+    assert ball.radius == pytest.approx(2.0 * sqrt(2.0))
+    assert not ball.meets_window
+    labels[4, 4] = 1
+    assert largest_ball(labels, 1).radius == 5.0

@@ -6,24 +6,11 @@ from dataclasses import replace
 from math import atan2, cos, pi, sin, sqrt, tan
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 
-from cellmap import (
-    Basins,
-    CellGrid,
-    PointMap,
-    discrete_map,
-    find_basins,
-    plot,
-)
-from cellmap.analysis import binomial_interval
-from cellmap.analysis.resilience import (
-    tipping_probabilities,
-)
-
-mpl.use("Agg")
+from cellmap import Basins, CellGrid, PointMap, discrete_map, find_basins, plot
+from cellmap.analysis.resilience import local_integrity, tipping_probabilities
 
 
 def test_overlap_of_shifted_basins(cubic: PointMap, line: Basins) -> None:
@@ -85,36 +72,6 @@ def test_attractors_far_away_or_without_overlap_do_not_continue(cubic: PointMap,
     assert tipping_probabilities([0, 0, 0, 1], [5, 5, 5, 5], match="overlap").continuation == (5, None)
 
 
-def test_attractor_that_lands_elsewhere(cubic: PointMap, line: Basins) -> None:
-    """Moved by 1.2, the boundary has passed the attractor at 1."""
-    moved = find_basins(cubic.with_params(c=1.2), line.grid)
-    found = tipping_probabilities(line, moved)
-    right = int(np.argmax([a.points[0, 0] for a in line.attractors]))
-    left_after = int(np.argmin([a.points[0, 0] for a in moved.attractors]))
-    assert found.landing is not None
-    assert found.landing[right, found.after.index(left_after)] == 1.0
-
-
-def test_labels_that_only_attractors_land_on_have_the_interval_asked_for(cubic: PointMap, line: Basins) -> None:
-    """Moved by -3, the boundary leaves the attractors so far away that they diverge; no cell is said to."""
-    moved = find_basins(cubic.with_params(c=-3.0), CellGrid((-4.5,), (-1.5,), (300,)))
-    after = replace(moved, labels=0 * moved.labels, grid=line.grid)
-    found = tipping_probabilities(line, after, confidence=0.5)
-    assert found.after[-1] == -2
-    assert found.high[:, -1] == pytest.approx(np.full(2, binomial_interval(0, 150, 0.5)[1]))
-    assert found.landing is not None
-    assert found.landing[:, -1].max() == 1.0
-
-
-def test_what_matching_refuses(line: Basins) -> None:
-    with pytest.raises(ValueError, match="have no attractors"):
-        tipping_probabilities([0, 1], [0, 1], match="distance")
-    with pytest.raises(ValueError, match="match='name'"):
-        tipping_probabilities(line, line, match="name")
-    with pytest.raises(ValueError, match="threshold=0"):
-        tipping_probabilities(line, line, threshold=0.0)
-
-
 def test_labels_alone_and_codes() -> None:
     found = tipping_probabilities([[0, 0, -2], [1, 1, -3]], [[0, -3, -2], [0, 1, 1]])
     assert (found.before, found.after) == ((0, 1, -2, -3), (0, 1, -2, -3))
@@ -125,19 +82,27 @@ def test_labels_alone_and_codes() -> None:
         found.probability(9, 0)
 
 
-@pytest.mark.parametrize(
-    ("before", "after", "error", "match"),
-    [
-        ([0, 1], [0], ValueError, "shapes"),
-        (np.zeros(0, int), np.zeros(0, int), ValueError, "empty"),
-        ([0.5], [0], TypeError, "whole numbers"),
-    ],
-)
-def test_what_tipping_refuses(before: Any, after: Any, error: type[Exception], match: str) -> None:
-    with pytest.raises(error, match=match):
-        tipping_probabilities(before, after)
+CUBIC = discrete_map(lambda x, p: (1.5 * x[0] - p.c * x[0] ** 3,), {"c": 0.5}, ("x",))
 
 
-def test_tipping_refuses_other_windows(cubic: PointMap, line: Basins) -> None:
-    with pytest.raises(ValueError, match="one window"):
-        tipping_probabilities(line, find_basins(cubic, CellGrid((-1.4,), (1.5,), (300,))))
+def test_a_ball_that_the_map_has_confirmed_ends_at_the_boundary_and_not_at_the_window():
+    """From 1 to the edge of the window it is 0.6, to the boundary at sqrt(3) 0.732, and to that at 0 it is 1."""
+    basins = find_basins(CUBIC, CellGrid((-1.5,), (1.6,), (62,)))
+    upper = next(k for k, a in enumerate(basins.attractors) if a.points[0, 0] > 0)
+    image, refined = (local_integrity(basins, upper, scale=1.0, refine=r) for r in (False, True))
+    assert image.meets_window and image.shock is None
+    assert image.radius == image.image_radius == pytest.approx(1.0, abs=0.05)
+    assert refined.shock is not None and not refined.meets_window
+    assert refined.radius == pytest.approx(sqrt(3) - 1, abs=1e-6)
+
+
+def test_arrays_of_labels_are_matched_by_their_numbers():
+    """Distances of attractors need basins on both sides."""
+    grid = CellGrid((-1.5,), (1.5,), (30,))
+    before, after = find_basins(CUBIC, grid), find_basins(CUBIC.with_params(c=0.49), grid)
+    assert tipping_probabilities(before, after).match == "distance"
+    for pair in ((before.labels, after), (before, after.labels), (before.labels, after.labels)):
+        assert tipping_probabilities(*pair).match == "labels"
+        with pytest.raises(ValueError, match="match='distance'"):
+            tipping_probabilities(*pair, match="distance")
+    assert np.array_equal(tipping_probabilities(before, after).counts, 15 * np.eye(2))
