@@ -154,14 +154,6 @@ def test_another_map_is_refused(other: Any, says: str) -> None:
         from_xarray(roots.to_xarray(), other)
 
 
-def test_curves_of_another_map_are_refused(branch: Branch) -> None:
-    curve = continue_bifurcation(branch, branch.bifurcations[-1], "b", (-0.2, 0.6), (0.2, 0.4), step=0.2)
-    params = {"a": 0.2, "b": 0.3}
-    other = discrete_map(lambda x, p: (1.0 - p.a * x[0] ** 2 + x[1], 0.9 * p.b * x[0]), params, ("x", "y"))
-    with pytest.raises(ValueError, match=r"^point_map=.*no orbit of it; at a=.*, b="):
-        from_xarray(curve.to_xarray(), other)
-
-
 @pytest.mark.parametrize("name", ["bifurcations", "scale_0", "unknowns_0", "bifurcation_kinds", "multipliers"])
 def test_damaged_datasets_are_refused(branch: Branch, name: str) -> None:
     whole = branch.to_xarray()

@@ -45,6 +45,7 @@ from cellmap.exchange.records import _Read
 from cellmap.maps import angle, rebuild_map
 from cellmap.maps.coordinates import as_coordinates
 from cellmap.orbits import Attractor, InvariantTorus, Kind, finite_time_exponents
+from cellmap.orbits.attractor import Cover
 
 WINDOW = CellGrid((-1.5, -1.0), (1.5, 1.0), (12, 8))
 WELLS = discrete_map(lambda x, p: (p.r * x[0] - x[0] ** 3, 0.5 * x[1]), {"r": 1.5}, ("x", "y"), "two wells")
@@ -139,14 +140,16 @@ def test_files_hold_what_was_converted(case, tmp_path):
 
 
 def test_results_without_a_way_back_are_named(tmp_path):
-    henon, start = systems.henon_map(0.2, 0.3), [[0.0, 0.0]]
-    tree = to_xarray(attractor_atlas(henon, ("a", [0.1, 0.2, 0.5]), ("b", [0.2, 0.3]), start, curves=0))
+    henon, starts = systems.henon_map(0.2, 0.3), [[0.0, 0.0], [0.1, 0.1]]
+    atlas = attractor_atlas(henon, ("a", [0.1, 0.2, 0.5]), ("b", [0.2, 0.3]), starts, curves=0)
+    assert to_dataframe(atlas)["fraction"].max() == 1.0
+    tree = to_xarray(atlas)
     through_a_file(tree, tmp_path / "atlas.nc")
     with pytest.raises(ValueError, match="record='AttractorAtlas': give what to_xarray"):
         from_xarray(tree)
 
 
-def test_tori_come_back():
+def test_tori_and_covers_come_back():
     numbers = np.random.default_rng(0)
     torus = InvariantTorus(
         **{name: numbers.normal(size=2) for name in ("frequencies", "frequency_errors")},
@@ -154,10 +157,11 @@ def test_tori_come_back():
         coefficients=numbers.normal(size=(3, 5, 5)) + 1j * numbers.normal(size=(3, 5, 5)),
         invariance_error=1e-7,
     )
-    axes = as_coordinates(["a", "b", "c"])
-    empty = np.empty(0, np.complex128)
-    plain = Attractor(Kind.CHAOTIC, 0, numbers.normal(size=(4, 3)), (0, 1, 0), empty, np.array([0.1]), axes)
-    both = (plain, dataclasses.replace(plain, kind=Kind.QUASIPERIODIC, torus=torus, grazing_distance=0.25))
+    axes, exponents = as_coordinates(["a", "b", "c"]), np.array([0.1])
+    cover = Cover(np.zeros(3), np.ones(3), np.zeros((2, 3), np.int64), residence=12)
+    plain = Attractor(Kind.CHAOTIC, 0, numbers.normal(size=(4, 3)), (0, 1, 0), 0j * np.empty(0), exponents, axes)
+    torus = dataclasses.replace(plain, kind=Kind.QUASIPERIODIC, torus=torus, grazing_distance=0.25)
+    both = (dataclasses.replace(plain, cover=cover), torus)
     assert_same(tuple(attractors_of(attractor_group(both, [0, 1], axes), axes)), both)
 
 
@@ -201,9 +205,6 @@ def with_attributes(tree, change):
 def test_what_is_no_result_is_refused(change, message):
     with pytest.raises((TypeError, ValueError), match=message):
         from_xarray(change(result("basins").to_xarray()))
-
-
-# --- what is where
 
 
 def test_basins_have_their_labels_where_they_belong():
@@ -257,8 +258,7 @@ def test_attractors_are_a_group_with_their_points_one_after_another():
 def test_angles_say_their_unit_period_and_branch_cut_and_certificates_their_evidence():
     tree = result("angles").to_xarray()
     assert tree["labels"].dims == ("theta", "theta_")
-    expected = {"long_name": "theta", "units": "rad", "period": 2 * pi, "branch_cut": -pi}
-    assert tree["theta"].attrs == expected
+    assert tree["theta"].attrs == {"long_name": "theta", "units": "rad", "period": 2 * pi, "branch_cut": -pi}
     assert tree["theta_"].attrs == {"long_name": "theta'", "units": "1"}
     evidence = result("certificate").to_xarray()["evidence"]
     np.testing.assert_array_equal(evidence, result("certificate").evidence)
@@ -289,11 +289,6 @@ def test_diagrams_and_stability_maps_have_their_parameters_as_coordinates():
     assert found["largest"].dims == ("beta", "alpha")
     assert found["largest"].sel(alpha=0.2, beta=0.25) == stability.largest[2, 1]
     np.testing.assert_array_equal(found["boundary_alpha"].values[found["refined"].values == 0], stability.rows.x)
-
-
-def test_names_and_meanings_are_different():
-    assert variable_names(["x", "x'", "x_", "points", "labels"]) == ["x", "x_", "x__", "points", "labels_"]
-    assert flags({0: "a b", 1: "a  b", 2: "π"}, np.int8)["flag_meanings"] == "a_b a_b_1 pi"
 
 
 def test_without_xarray_the_error_names_the_extra(monkeypatch):
@@ -351,7 +346,9 @@ def test_diagrams_have_a_row_for_each_point():
     np.testing.assert_allclose(chosen["x"], 0.5**0.5, atol=1e-5)
 
 
-def test_columns_keep_their_names_apart():
+def test_names_and_meanings_are_kept_apart():
+    assert variable_names(["x", "x'", "x_", "points", "labels"]) == ["x", "x_", "x__", "points", "labels_"]
+    assert flags({0: "a b", 1: "a  b", 2: "π"}, np.int8)["flag_meanings"] == "a_b a_b_1 pi"
     halved = discrete_map(lambda x, p: (x[0] / 2, x[1] / 2), {}, (angle("period"), "kind"))
     table = to_dataframe(find_attractors(halved, [[0.1, 0.1]]))
     assert table[["period", "period_", "kind", "kind_"]].to_numpy().tolist() == [[1, 0.0, "fixed point", 0.0]]
