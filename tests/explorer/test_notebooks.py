@@ -148,15 +148,12 @@ def test_the_page_in_a_frame_of_a_notebook(channels: Channels, sent: Sent) -> No
         assert said == []
 
 
-def test_without_anywidget_the_call_says_what_to_install() -> None:
-    if find_spec("anywidget") is not None:
-        pytest.skip("anywidget is installed here")
-    with pytest.raises(ModuleNotFoundError, match=r"pip install 'cellmap-dynamics\[notebook\]'"):
-        explorer_widget(WELLS)
-
-
-def test_the_widget_answers_its_pages() -> None:
-    pytest.importorskip("anywidget", reason="anywidget is of the extra `notebook`, which tests do not need")
+def test_the_widget_answers_its_pages_or_says_what_to_install() -> None:
+    """Of the extra `notebook`, which tests do not need."""
+    if find_spec("anywidget") is None:
+        with pytest.raises(ModuleNotFoundError, match=r"pip install 'cellmap-dynamics\[notebook\]'"):
+            explorer_widget(WELLS)
+        return
     widget = explorer_widget(WELLS, WINDOW)
     told: Sent = queue.Queue()
     widget.send = lambda message, data: told.put((message, data))

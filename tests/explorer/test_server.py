@@ -31,6 +31,12 @@ def test_images_are_those_of_the_library(page: Page) -> None:
     assert_same_image(frame, numbers, find_basins(WELLS.with_params(keep=0.7), grid), upright)
     frame, numbers = page.image(axes=[1, 0], lower=[-1.5, -2], upper=[1.5, 2], cells=[48, 64])
     assert_same_image(frame, numbers, find_basins(WELLS, WINDOW), lambda labels: labels[::-1])
+    # A map of one coordinate is a strip.
+    page.ask("system", name="line")
+    _, numbers = page.image(cells=[80])
+    assert numbers.shape == (1, 80)
+    places = np.abs(np.linspace(-2 + 2 / 80, 2 - 2 / 80, 80))
+    assert np.array_equal(numbers[0] >= 0, places < 1)
 
 
 def test_parameters_phases_and_kinds_of_maps_of_a_forced_system(page: Page) -> None:
@@ -66,14 +72,6 @@ def test_a_scene_has_the_parts_that_are_switched_on(page: Page) -> None:
     page.refused("system", "no effect 'fog': take some of push", name="parts", parts=["light", "fog"])
     for parts in ([], "light"):
         page.refused("system", "give the name of a body", name="parts", parts=parts)
-
-
-def test_a_map_of_one_coordinate_is_a_strip(page: Page) -> None:
-    page.ask("system", name="line")
-    _, numbers = page.image(cells=[80])
-    assert numbers.shape == (1, 80)
-    places = np.abs(np.linspace(-2 + 2 / 80, 2 - 2 / 80, 80))
-    assert np.array_equal(numbers[0] >= 0, places < 1)
 
 
 def test_an_orbit_ends_where_its_pixel_says(page: Page) -> None:

@@ -12,20 +12,12 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from cellmap import (
-    CellGrid,
-    ForcedSystem,
-    bifurcation_diagram,
-    discrete_map,
-    find_basins,
-    lyapunov_spectrum,
-    plot,
-    trajectory,
-)
+from cellmap import CellGrid, ForcedSystem, discrete_map, find_basins, lyapunov_spectrum, plot, trajectory
 from cellmap._lib.fit import fit_line
 from cellmap._lib.signatures import makers
 from cellmap.analysis.resilience import largest_ball, minimal_fatal_shock
 from cellmap.basins import continue_basins
+from cellmap.bifurcations import bifurcation_diagram
 from cellmap.plot._draw import FIGURES
 
 PANELS = {"time_series", "bifurcation_diagram", "basin_continuation"}

@@ -13,30 +13,16 @@ from legends import legend_of
 from matplotlib.figure import Figure
 
 import systems
-from cellmap import (
-    Attractor,
-    CellGrid,
-    Coordinate,
-    ForcedSystem,
-    angle,
-    bifurcation_diagram,
-    continue_orbit,
-    discrete_map,
-    find_basins,
-    interpolated_map,
-    periodic_orbit,
-    plot,
-    stability_map,
-    stroboscopic_map,
-)
+from cellmap import Attractor, CellGrid, Coordinate, ForcedSystem, angle, discrete_map, find_basins, plot
 from cellmap import trajectory as trajectory_of
 from cellmap.analysis import fit_line
 from cellmap.basins import continue_basins
-from cellmap.bifurcations import OrbitFunction, attractor_atlas
+from cellmap.bifurcations import OrbitFunction, attractor_atlas, bifurcation_diagram, continue_orbit, stability_map
 from cellmap.exchange import from_xarray
 from cellmap.explorer import Explored, export_html
 from cellmap.explorer.serving import serve
-from cellmap.orbits import Kind
+from cellmap.maps import interpolated_map, stroboscopic_map
+from cellmap.orbits import Kind, periodic_orbit
 from cellmap.orbits.attractor import distinct_names
 
 

@@ -82,10 +82,7 @@ def test_every_cell_has_the_colour_of_its_label():
     assert cells.shape == (4, 6, 3)
     for i, j in itertools.product(range(6), range(4)):
         assert cells[j, i] == pytest.approx(palette[int(labels[i, j])], abs=1e-6)
-
-
-def test_slice_of_more_dimensions():
-    """Axes of one cell are left out; the others keep their names and their places."""
+    # Axes of one cell are left out; the others keep their names and their places.
     exact = discrete_map(lambda x, p: (x[0] / 2, tanh(2 * x[1]), x[2] / 2, x[3] / 2), {}, tuple("abcd"))
     basins = find_basins(exact, CellGrid((-1,) * 4, (1,) * 4, (1, 6, 1, 3)))
     ax = plot.basins(basins)

@@ -16,15 +16,7 @@ from matplotlib.colors import same_color
 from numpy.typing import NDArray
 
 from cellmap import angle, continue_orbit, discrete_map, periodic_orbit, plot, stability_map, stroboscopic_map
-from cellmap.bifurcations import (
-    Branch,
-    Cascade,
-    Crossing,
-    StabilityMap,
-    continue_bifurcation,
-    period_doubling_cascade,
-    switch_branch,
-)
+from cellmap.bifurcations import Branch, Cascade, Crossing, continue_bifurcation, period_doubling_cascade, switch_branch
 from cellmap.plot._stability import CROSSING_COLOURS
 from systems import driven_pendulum, henon_map, logistic_map
 
@@ -42,7 +34,7 @@ def cascade() -> Cascade:
 
 
 @pytest.fixture(scope="module")
-def henon() -> StabilityMap:
+def henon() -> Any:
     """The fixed point that exists for a >= -(1 - b)^2/4 and is stable up to a = 3 (1 - b)^2/4."""
     exact = henon_map(0.2, 0.3)
     axes = ("a", np.linspace(-0.6, 1.2, 37)), ("b", np.linspace(-0.5, 0.5, 20))
@@ -163,7 +155,7 @@ def test_what_is_no_branch_is_refused(logistic: Branch, cascade: Cascade) -> Non
         plot.branches(logistic, coordinate="y")
 
 
-def test_classes_and_boundaries_are_those_of_the_map(henon: StabilityMap) -> None:
+def test_classes_and_boundaries_are_those_of_the_map(henon: Any) -> None:
     ax = plot.stability_map(henon)
     (mesh,) = (c for c in ax.collections if isinstance(c, QuadMesh))
     drawn = mesh.get_array()
@@ -199,7 +191,7 @@ def test_boundaries_alone_in_given_colours() -> None:
     assert plot.stability_map(found, legend=False).get_legend() is None
 
 
-def test_measured_points_are_white_dots_over_the_map(henon: StabilityMap) -> None:
+def test_measured_points_are_white_dots_over_the_map(henon: Any) -> None:
     points = np.array([[0.4, 0.2], [0.9, -0.1]])
     ax = plot.stability_map(henon, measured=points)
     ((marks_, caps, bars),) = ax.containers
@@ -231,7 +223,7 @@ def test_measured_points_are_white_dots_over_the_map(henon: StabilityMap) -> Non
         ([[0.4, 0.2, -0.1]], "measured holds the error -0.1: give standard errors of at least 0"),
     ],
 )
-def test_bad_measured_points_are_refused(henon: StabilityMap, measured: Any, message: str) -> None:
+def test_bad_measured_points_are_refused(henon: Any, measured: Any, message: str) -> None:
     with pytest.raises((TypeError, ValueError), match=message):
         plot.stability_map(henon, measured=measured)
     assert plt.get_fignums() == []

@@ -10,17 +10,9 @@ import pytest
 from matplotlib.patches import Polygon
 
 from cellmap import ForcedSystem, angle, discrete_map, periodic_orbit, plot, stroboscopic_map
-from cellmap.bifurcations import (
-    AttractorAtlas,
-    CircleBranch,
-    ConnectionBranch,
-    arnold_tongue,
-    attractor_atlas,
-    connecting_orbits,
-    continue_circle,
-    continue_connection,
-    continue_tangency,
-)
+from cellmap.bifurcations import AttractorAtlas, arnold_tongue, attractor_atlas, connecting_orbits
+from cellmap.bifurcations.circle_branches import CircleBranch, continue_circle
+from cellmap.bifurcations.connecting_branches import ConnectionBranch, continue_connection, continue_tangency
 from systems import henon_map
 
 
@@ -122,11 +114,8 @@ def test_the_classes_and_curves(atlas: AttractorAtlas) -> None:
     np.testing.assert_array_equal(np.asarray(image.get_array()), atlas.fraction(1))
 
 
-def test_further_curves(atlas: AttractorAtlas) -> None:
-    exact = henon_map(1.5, 0.3)
-    orbit = connecting_orbits(exact, periodic_orbit(exact, [-1.1, -0.3]), max_steps=20, n_samples=2048)[0]
-    branch = continue_connection(orbit, "a", 1.3, 1.6)
-    curve = continue_tangency(branch.tangencies[0], ("a", "b"), (1.3, 1.6), (0.2, 0.4), step=0.2)
+def test_further_curves(atlas: AttractorAtlas, branch: ConnectionBranch) -> None:
+    curve = continue_tangency(branch.tangencies[0], ("a", "b"), (1.3, 1.6), (-0.4, -0.2), step=0.2)
     assert len(plot.attractor_atlas(atlas, extra_curves=[curve]).lines) == 2
     for show in ("fractions", True):
         with pytest.raises((TypeError, ValueError), match="show="):
