@@ -51,7 +51,7 @@ def test_numbers_of_the_report_are_those_of_an_independent_program(report):
         assert same, f"{name} = {value:.15g} is not on the page"
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_counts_of_cells_are_those_of_an_independent_program(report):
     assert report.basin_counts("pendulum_3mm") == [32896, 7104]
     assert report.basin_counts("pendulum_3mm_wide") == [25484, 6152, 4182, 4182]

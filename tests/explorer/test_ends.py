@@ -35,10 +35,12 @@ def test_a_question_that_is_cancelled_holds_nobody_up(page: Page, monkeypatch: p
     released = threading.Event()
     monkeypatch.setattr("cellmap.explorer.questions.measures", lambda frame: released.wait(20.0) or {})
     page.image()
-    first, second = page.send("measures"), page.send("measures")
-    for request in (second, first, first, 10**6):
+    first, *others, last = (page.send("measures") for _ in range(9))
+    answer = page.receive()
+    assert (answer["request"], "8 questions are waiting" in answer["message"]) == (last, True)
+    for request in (*others, first, first, 10**6):
         page.send("cancel", of=request)
-    for request in (second, first):
+    for request in (*others, first):
         answer = page.receive()
         assert (answer["request"], answer["message"], answer["cancelled"]) == (request, "cancelled", True)
     assert page.ask("quality")["map"] == "discrete"

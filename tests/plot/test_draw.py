@@ -1,9 +1,11 @@
-"""One function for the figures of all results, and one contract for what they return."""
+"""One function for the figures of all results, and one contract for what they return; what is loaded when."""
 
 from __future__ import annotations
 
 import importlib
 import inspect
+import subprocess
+import sys
 from collections.abc import Callable
 from typing import Any, get_type_hints
 
@@ -12,6 +14,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
+import cellmap
 from cellmap import CellGrid, ForcedSystem, discrete_map, find_basins, lyapunov_spectrum, plot, trajectory
 from cellmap._lib.fit import fit_line
 from cellmap._lib.signatures import makers
@@ -44,8 +47,7 @@ def room_of(name: str) -> Any:
 
 def figures() -> dict[str, Callable[..., Any]]:
     """Return the figures of all records, by the names of these."""
-    for name in plot.__all__:
-        getattr(plot, name)
+    assert all(getattr(plot, name) for name in plot.__all__)
     return {kind.__name__: function for kind, function in FIGURES.items()}
 
 
@@ -120,3 +122,40 @@ def test_what_has_no_figure_is_refused(result):
     with pytest.raises(TypeError, match=message):
         plot.draw(result)
     assert plt.get_fignums() == []
+
+
+PROGRAM = """
+import sys
+import cellmap, cellmap.explorer
+from cellmap.explorer import Explored, explore
+
+def loaded(names):
+    return sorted(set(names.split()) & set(sys.modules))
+
+assert not loaded("starlette uvicorn websockets asyncio systems")
+import systems
+heavy = "matplotlib sklearn h5py scipy.integrate scipy.ndimage pandas xarray numba"
+assert not loaded(heavy), loaded(heavy)
+assert "plot" in dir(cellmap) and "save_basins" in cellmap.__all__
+cellmap.discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
+assert not loaded("matplotlib")
+cellmap.discrete_map(lambda x, p: (x[0] / 2,), {}, ("$x$",))
+assert loaded("matplotlib")
+from cellmap.plot import draw
+assert not [m for m in sys.modules if m.startswith("cellmap.analysis.") or m == "numba"]
+assert not loaded("cellmap.plot._basins h5py")
+cellmap.plot.basins, cellmap.basins.StoreError
+assert loaded("cellmap.plot._basins h5py matplotlib") == ["cellmap.plot._basins", "h5py", "matplotlib"]
+"""
+
+
+def test_what_is_loaded_when():
+    done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_every_public_name_exists_and_no_other():
+    for name in cellmap.__all__:
+        assert getattr(cellmap, name).__doc__
+    with pytest.raises(AttributeError, match="No cellmap attribute plot_basin"):
+        cellmap.plot_basin  # noqa: B018

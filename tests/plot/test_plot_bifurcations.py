@@ -65,7 +65,6 @@ def test_stable_parts_are_solid_and_end_at_bifurcations(logistic: Branch) -> Non
     mu = dashed[~np.isnan(dashed[:, 0]), 0]
     assert not ((mu > 1.0 + 1e-12) & (mu < 3.0 - 1e-12)).any()
     assert [mu.min(), mu.max()] == pytest.approx([0.5, 4.0])
-    # Unstable on both sides of what is stable, and the pen is lifted in between.
     assert np.isnan(dashed[:, 0]).sum() == 1
     np.testing.assert_allclose(marks(ax, "X"), [[1.0, 0.0]], atol=1e-12)
     np.testing.assert_allclose(marks(ax, "o"), [[3.0, 2.0 / 3.0]], rtol=1e-12)

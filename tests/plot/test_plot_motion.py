@@ -143,11 +143,7 @@ def test_outputs_are_drawn_component_by_component_on_given_panels_with_labels(mo
 @pytest.mark.parametrize(
     ("figure", "arguments", "message"),
     [
-        (
-            "time_series",
-            {"names": "w"},
-            r"names has 'w': the coordinates of pendulum are \['theta', 'v'\] and its outp",
-        ),
+        ("time_series", {"names": "w"}, r"names has 'w': the coordinates of pendulum are \['theta', 'v'\] and its"),
         ("time_series", {"names": ()}, r"names=\(\): name at least one"),
         ("time_series", {"ax": ()}, "ax has 0 panels: give 2"),
         ("time_series", {"labels": ["one"]}, r"labels=\['one'\]: give 2 names"),
@@ -173,7 +169,7 @@ def test_figures_of_motions_check_their_arguments(motion, figure, arguments, mes
     assert plt.get_fignums() == []
 
 
-def test_portrait_on_the_circle(motion):
+def test_portrait_on_the_circle_and_by_names_with_an_angle_upwards(motion):
     ax = plot.phase_portrait(motion, labels=["swing", "turn"])
     ax.figure.canvas.draw()
     assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\theta$ (rad)", "$v$ (rad/s)")
@@ -185,9 +181,6 @@ def test_portrait_on_the_circle(motion):
     assert np.isnan(curves(ax)[1].get_xdata()).any()
     for i, line in enumerate(marks(ax)):
         assert line.get_xydata() == pytest.approx(motion.strobe[:, i])
-
-
-def test_portrait_by_names_with_an_angle_upwards(motion):
     ax = plot.phase_portrait(motion, coordinates=("v", "theta"), stroboscopic=False)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$v$ (rad/s)", r"$\theta$ (rad)")
     assert ax.get_ylim() == pytest.approx((-pi, pi))
