@@ -96,6 +96,7 @@ def test_panels_are_a_tuple(results):
         panels = plot.draw(results[record])
         assert isinstance(panels, tuple)
         assert [isinstance(panel, Axes) for panel in panels] == [True, True]
+        assert panels[0] is not panels[1]
 
 
 def test_what_a_figure_returns_is_what_its_signature_says():

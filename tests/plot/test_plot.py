@@ -275,6 +275,8 @@ def test_points_of_a_diagram_are_larger_where_they_are_few_and_exponents_have_a_
     assert sizes == [3.0, pytest.approx(3.0 / np.sqrt(2.0)), pytest.approx(0.6)]
     (ax,) = plot.bifurcation_diagram(bifurcation_diagram(logistic, "r", [3.2, 3.3], [0.3], exponents=False))
     assert ax.figure.axes == [ax] and (ax.get_xlabel(), ax.get_ylabel()) == ("$r$", "$x$")
+    both = bifurcation_diagram(logistic, "r", [3.2, 3.3], [0.3], follow="both")
+    assert legend_of(plot.bifurcation_diagram(both)[0]) == ["up", "down"]
     superstable = bifurcation_diagram(logistic, "r", [2.0], [0.3])
     assert superstable.exponents.max() < -10.0 and len(plot.bifurcation_diagram(superstable)) == 2
 

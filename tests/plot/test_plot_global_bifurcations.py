@@ -34,7 +34,7 @@ def test_a_branch_of_connecting_orbits(branch: ConnectionBranch) -> None:
     _, curve, mark = ax.lines
     np.testing.assert_array_equal(curve.get_xdata(), branch.values)
     np.testing.assert_array_equal(curve.get_ydata(), branch.angles)
-    assert mark.get_xdata() == pytest.approx([1.314527109326], abs=1e-10)
+    assert (*mark.get_xdata(), *mark.get_ydata()) == pytest.approx((1.314527109326, 0.0), abs=1e-10)
     assert len(plot.connections([branch, branch], legend=False).lines) == 4
 
 
