@@ -140,8 +140,8 @@ def test_files_hold_what_was_converted(case, tmp_path):
 
 
 def test_results_without_a_way_back_are_named(tmp_path):
-    henon, starts = systems.henon_map(0.2, 0.3), [[0.0, 0.0], [0.1, 0.1]]
-    atlas = attractor_atlas(henon, ("a", [0.1, 0.2, 0.5]), ("b", [0.2, 0.3]), starts, curves=0)
+    henon, points = systems.henon_map(0.2, 0.3), [[0.0, 0.0], [0.1, 0.1]]
+    atlas = attractor_atlas(henon, ("a", [0.1, 0.2, 0.5]), ("b", [0.2, 0.3]), points, curves=0)
     assert to_dataframe(atlas)["fraction"].max() == 1.0
     tree = to_xarray(atlas)
     through_a_file(tree, tmp_path / "atlas.nc")
