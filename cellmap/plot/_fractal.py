@@ -73,6 +73,8 @@ def fit(
         low, high = sorted(np.exp(ends) if logarithmic[0] else ends)
         ax.axvspan(low, high, color=colour, alpha=0.12, linewidth=0.0)
     slope = f"{fit.slope:.4g} ± {fit.standard_error:.2g}"
+    if getattr(result, "scales_agree", None) is False:
+        slope += ", scales do not agree"
     line = [np.exp(v) if is_log else v for v, is_log in zip((ends, fit(ends)), logarithmic, strict=True)]
     ax.plot(*line, color=colour, label=f"slope {slope}" if label is None else f"{label}: {slope}")
     for axis, name, is_log in zip("xy", fit.labels, logarithmic, strict=True):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
@@ -14,7 +15,7 @@ from scipy.special import stdtr, stdtrit
 from ..._lib.arrays import Bools, Floats
 from ..._lib.checks import finite_number, real_array
 from ..._lib.fit import Fit, fit_line, scaling_fit, unseen_error
-from ..._lib.randomness import Rng
+from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ...maps.coordinates import Coordinate
 from .partitions import TOGETHER, Partition, Space, distinct, dyadic_sizes, over_offsets
@@ -28,6 +29,7 @@ _LAST = 6
 _AHEAD = 100.0
 _EDGES = np.linspace(0.0, 4.0, 201)  # coefficients of edges, over the extent
 _EXPONENTS = (0.75, 0.5, 0.25)  # of the edges of pieces that are longer than wide
+_STRETCH = 64.0  # its root of order d is the ratio of the sides of stretched boxes: more leaves them too few sizes
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +58,9 @@ class BoxCount:
     isolated : ndarray, shape (n,), or None
         Fraction of the boxes with boundary that contain only that of isolated labels, before these are ignored; None
         for points.
+    stretched : tuple of Fit
+        The same for boxes of equal volume that are shorter along one axis, for each axis where enough sizes are usable;
+        none for a boundary, on a line, and for a grid at a given place.
     """
 
     sizes: Floats
@@ -67,10 +72,12 @@ class BoxCount:
     topological: int | None = None
     ignored: float = 0.0
     isolated: Floats | None = None
+    stretched: tuple[Fit, ...] = ()
 
     def __repr__(self) -> str:
         first, last = self.sizes[self.fit.inside][[0, -1]]
-        return f"BoxCount(dimension {self.dimension:.4g} +- {self.standard_error:.2g}, sizes {last:.3g} to {first:.3g})"
+        found = f"dimension {self.dimension:.4g} +- {self.standard_error:.2g}, sizes {last:.3g} to {first:.3g}"
+        return f"BoxCount({found}{', scales do not agree' if self.scales_agree is False else ''})"
 
     @property
     def dimension(self) -> float:
@@ -81,6 +88,21 @@ class BoxCount:
     def standard_error(self) -> float:
         """Standard error of the dimension: scatter and drift of the slope, and the choice of the window."""
         return self.fit.standard_error
+
+    @property
+    def scales_agree(self) -> bool | None:
+        """Whether boxes that are shorter along one axis or another give the same dimension.
+
+        A linear map leaves the dimension of a set as it is, so that they must.  While the slope of a self-affine set is
+        still on the way to its dimension, they do not.  False if the largest and the least of these dimensions
+        (`stretched`) are apart by more than two standard errors of their difference: then the slope changes below the
+        sizes in the window, and the stated error may be too small.  True does not exclude that.  None where there are
+        less than two of them.
+        """
+        if len(self.stretched) < 2:
+            return None
+        low, *_, high = sorted(self.stretched, key=lambda fit: fit.slope)
+        return bool(high.slope - low.slope <= 2.0 * np.hypot(low.standard_error, high.standard_error))
 
     @property
     def fractal(self) -> bool:
@@ -151,7 +173,8 @@ def box_dimension(
 
     The standard error counts, in squares, scatter and drift of the slope, the choice of the window, the most that the
     points may miss, and by how much laws of edges that fit the counts differ in the dimension: the slope of a
-    self-affine set reaches its dimension slowly.
+    self-affine set reaches its dimension slowly.  Boxes that are shorter along one axis are counted as well, for each
+    axis; where they tell another dimension, ``BoxCount.scales_agree`` is False.
 
     Parameters
     ----------
@@ -197,12 +220,25 @@ def box_dimension(
     """
     space = distinct(Space.of(points, coordinates, scale))
     chosen = None if sizes is None else checked_sizes(sizes)
-    counts, errors = averaged(over_offsets(space, chosen, origin, n_offsets, rng, Partition.occupancy))  # size, kind
-    if chosen is None:
-        chosen = dyadic_sizes(space)
+    generator, d = random_numbers(rng), space.dimension
+
+    def counted(space: Space) -> tuple[Floats, Floats, Floats]:
+        counts, errors = averaged(over_offsets(space, chosen, origin, n_offsets, generator, Partition.occupancy))
+        if chosen is not None:
+            return chosen, counts, errors[:, 0]
         kept = _without_tail(counts[:, 0])
-        chosen, counts, errors = chosen[kept], counts[kept], errors[kept]
-    return count_of(chosen, counts, errors[:, 0], space, fit_range, placed=origin is not None)
+        return dyadic_sizes(space)[kept], counts[kept], errors[kept, 0]
+
+    found = count_of(*counted(space), space, fit_range, placed=origin is not None)
+    if d == 1 or origin is not None:
+        return found
+    stretched = list[Fit]()
+    for sides in _STRETCH ** ((1.0 / d - np.eye(d)) / d):
+        with suppress(ValueError):  # too few sizes are usable
+            tried, counts, errors = counted(space.stretched(sides))
+            laws = edges_of_sets(tried[:, None] * sides / space.extent)
+            stretched.append(straightened(tried, counts, errors, laws, d, fit_range)[0].fit)
+    return replace(found, stretched=tuple(stretched))
 
 
 def count_of(
@@ -214,23 +250,42 @@ def count_of(
     placed: bool,
 ) -> BoxCount:
     """Fit mean counts (size, any | 1 | 2) of boxes on grids at random places, or on one at a given place."""
-    mean, (missed, most) = counts[:, 0], unseen(counts, space.dimension)
-    usable = (mean >= _FEWEST_BOXES) & (missed <= _MISSED)
-    x, logs = -np.log(tried), np.log(mean)
     # A grid in a given place has no mean over places, of which alone Steiner's formula speaks.
     edges, likely = edge_laws(tried / space.extent, 0 if placed else space.dimension)
-    raised = best_law(x[usable], logs[usable], edges[: len(_EDGES), usable]) if np.count_nonzero(usable) > 3 else 0
-    found = fitted("points", tried, mean, errors, missed, usable, -edges[raised], fit_range)
-    part = found.fit.inside
-    unsure, *slopes = slopes_of(x[part], np.vstack([-np.log1p(-most), edges])[:, part])
+    found, raised = straightened(tried, counts, errors, edges[: len(_EDGES)], space.dimension, fit_range)
+    part, mean, x = found.fit.inside, found.counts, -np.log(tried)
+    slopes = slopes_of(x[part], edges[:, part])
     # Laws are distinguished at further sizes as well, where what is missed is taken as midway between its bounds.
-    lost = -0.5 * (np.log1p(-missed) + np.log1p(-most))
+    lost = -0.5 * np.log1p(-np.stack(unseen(counts, space.dimension))).sum(axis=0)
     told = np.append(((lost > _TOLD) | (_FEWEST_POINTS * mean > len(space.points)))[part.stop :], True)
     part = slice(part.start, part.stop + int(np.argmax(told)))
-    weights = law_weights(x[part], (logs + lost - edges)[:, part], (errors / mean)[part], likely, space.dimension)
-    spread = np.sqrt(weights @ (np.array(slopes) - slopes[raised]) ** 2)
-    error = float(np.linalg.norm([found.standard_error, spread, unsure]))
+    logs = (np.log(mean) + lost - edges)[:, part]
+    weights = law_weights(x[part], logs, (errors / mean)[part], likely, space.dimension)
+    spread = np.sqrt(weights @ (slopes - slopes[raised]) ** 2)
+    error = float(np.hypot(found.standard_error, spread))
     return replace(found, fit=replace(found.fit, standard_error=error))
+
+
+def straightened(
+    tried: Floats,
+    counts: Floats,
+    errors: Floats,
+    laws: Floats,
+    dimension: int,
+    fit_range: tuple[float, float] | None,
+) -> tuple[BoxCount, int]:
+    """Fit mean counts less what edges add by one of some laws; return the number of the law as well.
+
+    The error includes the most that the points may miss.
+    """
+    mean, (missed, most) = counts[:, 0], unseen(counts, dimension)
+    usable = (mean >= _FEWEST_BOXES) & (missed <= _MISSED)
+    x = -np.log(tried)
+    raised = best_law(x[usable], np.log(mean[usable]), laws[:, usable]) if np.count_nonzero(usable) > 3 else 0
+    found = fitted("points", tried, mean, errors, missed, usable, -laws[raised], fit_range)
+    part = found.fit.inside
+    unsure = slopes_of(x[part], -np.log1p(-most)[part])
+    return replace(found, fit=replace(found.fit, standard_error=float(np.hypot(found.standard_error, unsure)))), raised
 
 
 def checked_sizes(sizes: ArrayLike, name: str = "sizes") -> Floats:
@@ -287,10 +342,15 @@ def edge_laws(parts: Floats, dimension: int) -> tuple[Floats, Floats]:
     dimension : int
         Of the space; 0 for boxes in a given place, where nothing is raised.
     """
-    whole = dimension * np.log1p(_EDGES[:, None] * parts)
+    whole = edges_of_sets(np.tile(parts[:, None], dimension))
     pieces = [min(dimension, 1) * np.log1p(_EDGES[1:, None] * parts**e) for e in _EXPONENTS]
     alike, n = np.full(len(_EDGES) - 1, 1.0 / (len(_EDGES) - 1)), len(_EXPONENTS)
     return np.concatenate([whole, *pieces]), np.concatenate([[1.0], alike, *[alike / n] * n])
+
+
+def edges_of_sets(parts: Floats) -> Floats:
+    """Return the first of these laws, shape (laws, sizes), for boxes with the sides (n, d) in extents of the set."""
+    return np.asarray(np.log1p(_EDGES[:, None, None] * parts).sum(axis=2))
 
 
 def best_law(x: Floats, logs: Floats, laws: Floats) -> int:

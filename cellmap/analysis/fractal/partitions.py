@@ -87,6 +87,12 @@ class Space:
         """Number of coordinates."""
         return self.points.shape[1]
 
+    def stretched(self, sides: Floats) -> Space:
+        """Return the space in which boxes with some sides (d,) are cubes."""
+        points, periods = self.points / sides, self.periods / sides
+        extents = np.where(periods > 0.0, periods, np.ptp(points, axis=0))
+        return replace(self, points=points, periods=periods, extent=float(extents.max()), scales=self.scales * sides)
+
 
 @dataclass(frozen=True, eq=False)
 class Partition:
