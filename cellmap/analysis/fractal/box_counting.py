@@ -96,7 +96,8 @@ class BoxCount:
         A linear map leaves the dimension of a set as it is, so that they must.  While the slope of a self-affine set is
         still on the way to its dimension, they do not.  False if the largest and the least of these dimensions
         (`stretched`) are apart by more than two standard errors of their difference: then the slope changes below the
-        sizes in the window, and the stated error may be too small.  True does not exclude that.  None where there are
+        sizes in the window, and the stated error may be too small.  True does not exclude that: where
+        the boundary of a set has nearly its dimension, all boxes tell the same too small one.  None where there are
         less than two of them.
         """
         if len(self.stretched) < 2:
