@@ -35,7 +35,7 @@ def test_attractor_with_a_tiny_basin_is_found():
     assert abs(basins.fractions[label].fraction - 2 * SIZE / 0.12) < 0.01
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_magnetic_pendulum_in_four_dimensions():
     """Only boxes near recurrent sets are stored: less than a thousandth of 64^4."""
     point_map = flow_map(magnetic_pendulum(), 2.0, rtol=1e-6, atol=1e-6)

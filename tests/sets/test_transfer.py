@@ -6,13 +6,10 @@ from math import cos, log, pi, sin
 
 import numpy as np
 import pytest
+from maps_of_cells import AWAY, CUBIC, line
 
 from cellmap import CellGrid, discrete_map
-from cellmap.sets import BoxSet, relative_attractor, transfer_operator
-
-
-def full(n, lower=0.0, upper=1.0):
-    return BoxSet.full(CellGrid((lower,), (upper,), (n,)))
+from cellmap.sets import relative_attractor, transfer_operator
 
 
 def test_density_of_the_logistic_map():
@@ -20,7 +17,7 @@ def test_density_of_the_logistic_map():
     logistic = discrete_map(lambda x, p: (4 * x[0] * (1 - x[0]),), {}, ("x",))
     errors = []
     for n in (256, 1024, 4096):
-        operator = transfer_operator(full(n), logistic, samples=100)
+        operator = transfer_operator(line(n), logistic, samples=100)
         exact = np.diff(2 / pi * np.arcsin(np.sqrt(operator.boxes.grid.edges(0))))
         errors.append(np.abs(operator.invariant_measure - exact).sum())
     assert errors[0] < 0.08 and errors[1] < 0.045 and errors[2] < 0.03
@@ -56,7 +53,7 @@ def test_six_eigenvalues_on_the_unit_circle():
 def test_cycle_of_a_permutation():
     """A rotation of five boxes."""
     shift = discrete_map(lambda x, p: ((x[0] + 0.4) % 1.0,), {}, ("x",))
-    operator = transfer_operator(full(5), shift, samples=3)
+    operator = transfer_operator(line(5), shift, samples=3)
     cycle = operator.cycle(5)
     assert np.abs(cycle.eigenvalues - np.exp(2j * pi * np.arange(5) / 5)).max() < 1e-12
     order = [s.keys.item() for s in cycle.sets]
@@ -75,7 +72,7 @@ def test_halves_that_exchange_little_are_found():
         side = half if local < 0.95 else 1.0 - half
         return (0.5 * side + 0.5 * image,)
 
-    operator = transfer_operator(full(200), discrete_map(leaky, {}, ("x",)), samples=20)
+    operator = transfer_operator(line(200), discrete_map(leaky, {}, ("x",)), samples=20)
     found = operator.almost_invariant_sets(2)
     halves = sorted(found.sets, key=lambda boxes: boxes.keys.min())
     assert np.isin(np.arange(95), halves[0].keys).all() and np.isin(np.arange(100, 195), halves[1].keys).all()
@@ -84,8 +81,7 @@ def test_halves_that_exchange_little_are_found():
 
 
 def test_two_attractors_have_two_measures():
-    cubic = discrete_map(lambda x, p: (1.5 * x[0] - x[0] ** 3 / 2,), {}, ("x",))
-    operator = transfer_operator(full(101, -1.3, 1.3), cubic, samples=11)
+    operator = transfer_operator(line(101, -1.3, 1.3), CUBIC, samples=11)
     assert len(operator.invariant_measures) == 2
     means = sorted(float(m @ operator.boxes.centres()[:, 0]) for m in operator.invariant_measures)
     assert means == pytest.approx([-1.0, 1.0], abs=0.03)
@@ -96,25 +92,15 @@ def test_two_attractors_have_two_measures():
 def test_escape_rate_of_an_open_tent_map():
     """Slope 3: a third of what is there leaves in each step, and the density is uniform."""
     tent = discrete_map(lambda x, p: (1.5 - 3 * abs(x[0] - 0.5),), {}, ("x",))
-    operator = transfer_operator(full(81), tent, samples=27)
+    operator = transfer_operator(line(81), tent, samples=27)
     assert operator.escape_rate == pytest.approx(log(1.5), abs=1e-9)
     assert operator.density == pytest.approx(1.0, abs=1e-9)
 
 
 def test_nothing_lasts_where_all_boxes_empty_at_once():
     """A shift by more than the window: no mass is left after a step."""
-    away = transfer_operator(full(4), discrete_map(lambda x, p: (x[0] + 10,), {}, ("x",)))
+    away = transfer_operator(line(4), AWAY)
     assert away.escape_rate == np.inf
     np.testing.assert_array_equal(away.eigenvalues(), np.zeros(4))
     with pytest.raises(ValueError, match="all mass leaks out"):
         _ = away.invariant_measure
-
-
-def test_what_is_wrong_is_named():
-    cubic = discrete_map(lambda x, p: (1.5 * x[0] - x[0] ** 3 / 2,), {}, ("x",))
-    with pytest.raises(ValueError, match="at least one box"):
-        transfer_operator(BoxSet(CellGrid((0,), (1,), (4,)), []), cubic)
-    with pytest.raises(TypeError, match="samples='adaptive'"):
-        transfer_operator(full(4), cubic, samples="adaptive")
-    with pytest.raises(ValueError, match="n_eigenvalues=9"):
-        transfer_operator(full(4), cubic).eigenvalues(9)

@@ -143,6 +143,35 @@ ATTRIBUTES: dict[str, Callable[[h5py.Group], object]] = {
     "no contraction": lambda g: replaced(
         g["attractors/0/neighbourhood"], "contraction", lambda h, n: h.__setitem__(n, np.nan)
     ),
+    "no labels": lambda g: g.pop("labels"),
+    "no times": lambda g: g.pop("settling_time"),
+    "negative times": lambda g: replaced(
+        g, "settling_time", lambda h, n: h.__setitem__(n, np.full((60, 50), -2, "i4"))
+    ),
+    "turned times": lambda g: replaced(g, "settling_time", lambda h, n: h.__setitem__(n, np.zeros((50, 60), "i4"))),
+    "no attractors": lambda g: g.pop("attractors"),
+    "another number": lambda g: g.move("attractors/0", "attractors/7"),
+    "no params": lambda g: g.attrs.pop("params"),
+    "no JSON": lambda g: g.attrs.__setitem__("params", "{not json"),
+    "lists for params": lambda g: g.attrs.__setitem__("params", np.bytes_(b'{"a": [1, 2]}')),
+    "no coordinates": lambda g: g.attrs.__setitem__("coordinates", "[]"),
+    "strange coordinates": lambda g: g.attrs.__setitem__("coordinates", np.bytes_(b'[{"nome": "x"}]')),
+    "strange cost": lambda g: g.attrs.__setitem__("cost", np.bytes_(b'{"dollars": 3}')),
+    "unheard of": lambda g: g["attractors/0"].attrs.__setitem__("kind", "unheard of"),
+    "no number": lambda g: g["attractors/0"].attrs.__setitem__("period", "many"),
+    "a period of more points": lambda g: g["attractors/0"].attrs.__setitem__("period", 2),
+    "three rotations": lambda g: g["attractors/0"].attrs.__setitem__("turns", [1, 2, 3]),
+    "points that are none": lambda g: replaced(
+        g["attractors/0"], "points", lambda h, n: h.__setitem__(n, np.full((1, 2), np.nan))
+    ),
+    "real multipliers": lambda g: replaced(g["attractors/0"], "multipliers", lambda h, n: h.__setitem__(n, np.ones(2))),
+    "no centres": lambda g: replaced(
+        g["attractors/0"], "neighbourhood", lambda h, n: h.__setitem__(f"{n}/centres", 1.0)
+    ),
+    "a turned window": lambda g: g["grid"].attrs.__setitem__("upper", [-10.0, -1000.0]),
+    "another grid": lambda g: g["grid"].attrs.__setitem__("shape", [3, 3]),
+    "a negative count": lambda g: g.attrs.__setitem__("inaccurate", -1),
+    "half an orbit": lambda g: g.attrs.__setitem__("inaccurate", 2.5),
 }
 
 
@@ -151,6 +180,11 @@ def test_attributes_that_are_something_else(attribute, files, tmp_path):
     path = Path(shutil.copy(files / "picture.h5", tmp_path / "crafted.h5"))
     with h5py.File(path, "r+") as file:
         ATTRIBUTES[attribute](next(iter(file.values())))
+    with pytest.raises(StoreError, match=r"crafted\.h5.*(its contents are not those that were written|it had)"):
+        load_basins(path)
+    if attribute != "text of any length":  # which is no damage where nothing was sealed
+        with pytest.raises(StoreError, match=r"crafted\.h5"):
+            load_basins(path, unverified=True)
     seal(path)
     with pytest.raises(StoreError, match=r"crafted\.h5"):
         load_basins(path)
