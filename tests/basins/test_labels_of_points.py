@@ -23,7 +23,7 @@ from cellmap import (
 )
 from cellmap.analysis.resilience import basin_stability, settling_statistics
 from cellmap.basins import classify_by_features, recompute_basins
-from cellmap.basins.classification import Labeller, labeller, own_label, places_of, scale_of, span_of
+from cellmap.basins.classification import labeller, own_label, places_of, scale_of, span_of
 from cellmap.basins.final_states import _coarse, final_states
 from cellmap.orbits import InvariantTorus, Kind
 from cellmap.orbits.attractor import distinct_names
@@ -174,11 +174,8 @@ def test_a_rule_takes_the_place_of_attractors():
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({"source": 3}, TypeError, "source=3"),
         ({"region": None}, TypeError, "region=None"),
         ({"region": CellGrid((0.0, 0.0), (1.0, 1.0), (1, 1))}, ValueError, "is one cell"),
-        ({"outcome": 3}, TypeError, "outcome=3"),
-        ({"max_periods": 0}, ValueError, "max_periods"),
     ],
 )
 def test_what_defines_no_final_states(arguments, error, message):
@@ -237,9 +234,10 @@ def test_tori_in_files(basins, tmp_path):
     torus = InvariantTorus(*numbers, rng.normal(size=(2, 5, 5)) + 1j * rng.normal(size=(2, 5, 5)), 1e-7)
     record = basins.attractors[0]
     quasi = Attractor(
-        Kind.QUASIPERIODIC, 0, rng.normal(size=(9, 2)), (0, 0), np.empty(0, complex), np.zeros(2), record.coordinates,
-        cover=None, torus=torus,
-    )  # fmt: skip
+        *(Kind.QUASIPERIODIC, 0, rng.normal(size=(9, 2)), (0, 0), np.empty(0, complex), np.zeros(2)),
+        record.coordinates,
+        torus=torus,
+    )
     saved = save_basins(replace(basins, attractors=(quasi, *basins.attractors[1:])), tmp_path / "torus.h5")
     read = load_basins(saved).attractors[0].torus
     for name in ("frequencies", "frequency_errors", "rotation_numbers", "rotation_errors", "coefficients"):
@@ -250,9 +248,3 @@ def test_tori_in_files(basins, tmp_path):
         path = save_basins(replace(basins, attractors=(wrong, *basins.attractors[1:])), tmp_path / "bad.h5")
         with pytest.raises((ValueError, OSError), match=r"Fourier coefficients of shape \(2, [43], [45]\)"):
             load_basins(path)
-
-
-def test_a_labeller_without_attractors_decides_nothing():
-    found = find_attractors(WELLS, [[0.5, 0.0]])
-    assert len(labeller(WELLS, found).attractors) == 1
-    assert isinstance(labeller(WELLS, found), Labeller)
