@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, is_dataclass
+from functools import cache
 from math import cos, pi, sin, tanh
 from typing import Any
 
@@ -12,6 +13,8 @@ import systems
 from cellmap import (
     Basins,
     CellGrid,
+    ForcedSystem,
+    PointMap,
     angle,
     discrete_map,
     stroboscopic_map,
@@ -51,6 +54,32 @@ def goy(x, p):
 
 GOY = discrete_map(goy, {}, (angle("theta", lower=0.0), "x"), name="Grebogi, Ott, Yorke")
 DUFFING = stroboscopic_map(systems.two_well_duffing())
+
+
+def forced(t, x, p):
+    return x[1], x[0] - x[0] ** 3 - p.delta * x[1] + p.gamma * cos(t)
+
+
+FORCED = ForcedSystem(forced, {"delta": 0.2, "gamma": 0.1}, 2 * pi, ("q", "v"), "Duffing")
+
+
+def duffing(phase: float = 0.0, **params: float) -> PointMap:
+    return stroboscopic_map(FORCED.with_params(**params), phase, rtol=1e-5, atol=1e-5)
+
+
+@cache
+def pendulum() -> PointMap:
+    """The report's pendulum at 10 mm, with small basins."""
+    return stroboscopic_map(systems.driven_pendulum(amplitude=0.010), rtol=1e-6, atol=1e-6)
+
+
+def conservative(x, p):
+    """Hénon's area-preserving map: nothing settles, some orbits diverge."""
+    y = x[1] - p.b * x[0] * x[0]
+    return x[0] * p.c - y * p.s, x[0] * p.s + y * p.c
+
+
+CONSERVATIVE = discrete_map(conservative, {"b": 1.0, "c": cos(1.327), "s": sin(1.327)}, ("x", "y"))
 
 
 def assert_same_record(one: Any, other: Any) -> None:

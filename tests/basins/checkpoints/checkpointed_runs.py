@@ -4,57 +4,42 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from math import cos, pi, sin
+from math import pi
 
 import numpy as np
 import pytest
-from known_basins import assert_same_record
+from known_basins import CONSERVATIVE, assert_same_record, duffing, pendulum
 
 import cellmap
 import cellmap._lib.checkpoint
 import systems
-from cellmap import Basins, CellGrid, ForcedSystem, discrete_map, find_basins, interpolated_map, stroboscopic_map
+from cellmap import Basins, CellGrid, discrete_map, find_basins, interpolated_map
 
 
 class Died(BaseException):
     """What ends a run in the middle here, as a signal does elsewhere."""
 
 
-def forced(t, x, p):
-    return x[1], x[0] - x[0] ** 3 - p.delta * x[1] + p.gamma * cos(t)
-
-
-DUFFING = stroboscopic_map(ForcedSystem(forced, {"delta": 0.2, "gamma": 0.1}, 2 * pi, ("q", "v")), rtol=1e-5, atol=1e-5)
 WINDOW = CellGrid((-2.2, -2.2), (2.2, 2.2), (125, 115))  # four tiles of `TILE`
-
-
-def pendulum():
-    return stroboscopic_map(systems.driven_pendulum(amplitude=0.010), rtol=1e-6, atol=1e-6)
-
-
-def conservative(x, p):
-    """Hénon's area-preserving map: nothing settles, some orbits diverge."""
-    y = x[1] - x[0] * x[0]
-    return x[0] * cos(p.angle) - y * sin(p.angle), x[0] * sin(p.angle) + y * cos(p.angle)
 
 
 TILE = 4096  # initial conditions, for the fixture `small_tiles`
 
 CASES: dict[str, Callable[..., Basins]] = {
     # Two attractors that the sample finds; one pass.
-    "one pass": lambda **how: find_basins(DUFFING, WINDOW, **how),
+    "one pass": lambda **how: find_basins(duffing(), WINDOW, **how),
     # Small basins are found among the active orbits, and the sweep begins again for some of them.
     "small basins": lambda **how: find_basins(
         pendulum(), CellGrid((-pi, -500.0), (pi, 500.0), (100, 85)), 600, 8, **how
     ),
     # Everything is left after each pass.
     "undecided": lambda cells=(70, 65), **how: find_basins(
-        discrete_map(conservative, {"angle": 1.327}, ("x", "y")), CellGrid((-0.6, -0.6), (0.6, 0.6), cells), 520, **how
+        CONSERVATIVE, CellGrid((-0.6, -0.6), (0.6, 0.6), cells), 520, **how
     ),
     # The same with multi-period steps, on whose division orbits depend.
     "multi-period steps": lambda **how: find_basins(
         interpolated_map(
-            discrete_map(conservative, {"angle": 1.327}, ("x", "y")),
+            CONSERVATIVE,
             CellGrid((-1, -1), (1, 1), (60, 60)),
             outside="escape",
             max_step=8,

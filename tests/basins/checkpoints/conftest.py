@@ -13,9 +13,16 @@ from cellmap import Basins
 from cellmap.basins.sweeps import Progress
 
 
+class Made(dict[str, Basins]):
+    """Basins that are found when they are asked for."""
+
+    def __missing__(self, name: str) -> Basins:
+        return self.setdefault(name, CASES[name]())
+
+
 @pytest.fixture(scope="session")
-def plain() -> dict[str, Basins]:
-    return {name: make() for name, make in CASES.items()}
+def plain() -> Made:
+    return Made()
 
 
 @pytest.fixture(scope="module")

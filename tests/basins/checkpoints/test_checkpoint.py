@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shutil
+from itertools import product
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from checkpointed_runs import CASES, DUFFING, TABLE, Died, assert_same, dying
+from checkpointed_runs import CASES, TABLE, Died, assert_same, dying
+from known_basins import duffing
 
 import cellmap
 import cellmap._lib.checkpoint
@@ -20,7 +22,9 @@ pytestmark = pytest.mark.usefixtures("small_tiles")
 # --- an undisturbed run
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [n if n in ("one pass", "chaotic") else pytest.param(n, marks=pytest.mark.thorough) for n in CASES]
+)
 def test_a_checkpoint_changes_nothing(name, plain, tmp_path):
     path = tmp_path / "basins.h5"
     found = CASES[name](checkpoint=path)
@@ -38,15 +42,10 @@ def test_the_same_call_reads_what_is_finished(plain, finished, tmp_path, monkeyp
     assert again.verify(50).wrong == 0
 
 
-def test_labels_can_be_changed_and_the_file_stays(plain, tmp_path):
-    path = tmp_path / "basins.h5"
-    CASES["one pass"](checkpoint=path).labels[:] = 0
-    assert_same(load_basins(path), plain["one pass"])
-
-
 def test_a_finished_image_can_be_saved_elsewhere_and_in_its_own_place(plain, tmp_path):
     path = tmp_path / "basins.h5"
     found = CASES["one pass"](checkpoint=path)
+    CASES["one pass"](checkpoint=path).labels[:] = 0
     for target in (tmp_path / "other.h5", path):
         assert_same(load_basins(save_basins(found, target)), plain["one pass"])
 
@@ -54,10 +53,17 @@ def test_a_finished_image_can_be_saved_elsewhere_and_in_its_own_place(plain, tmp
 # --- runs that end before their time
 
 
+QUICK = {("small basins", 1, True), ("undecided", 5, False), ("chaotic", 1, True), ("given starts", 5, False)}
+
+
 @pytest.mark.parametrize(
-    ("moment", "torn"), [(1, True), *(pytest.param(k, False, marks=pytest.mark.slow) for k in (0, 2, 4)), (5, False)]
+    ("name", "moment", "torn"),
+    [
+        pytest.param(*case, marks=[] if case in QUICK else pytest.mark.thorough)
+        for case in product(CASES, (1, 5, 0, 2, 4), (True, False))
+        if case[2] == (case[1] == 1)
+    ],
 )
-@pytest.mark.parametrize("name", CASES)
 def test_a_run_goes_on_where_it_died(name, moment, torn, plain, tmp_path, monkeypatch):
     path = tmp_path / "basins.h5"
     died = False
@@ -82,15 +88,6 @@ TILES = {"one pass": 4, "small basins": 4, "undecided": 6, "multi-period steps":
 """Tiles of all passes, as an undisturbed run has them."""
 
 
-@pytest.mark.slow
-def test_the_number_of_tiles(tmp_path, monkeypatch):
-    for name, run in CASES.items():
-        done = count_of_tiles(monkeypatch)
-        run(checkpoint=tmp_path / f"{name}.h5")
-        monkeypatch.undo()
-        assert (name, done[0]) == (name, TILES[name])
-
-
 def count_of_tiles(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     original, count = cellmap._lib.checkpoint.Checkpoint.finish, [0]
 
@@ -102,7 +99,7 @@ def count_of_tiles(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return count
 
 
-@pytest.mark.parametrize("moment", [0, 1, 2])
+@pytest.mark.parametrize("moment", [0, *(pytest.param(k, marks=pytest.mark.thorough) for k in (1, 2))])
 def test_a_run_that_dies_between_passes(moment, plain, tmp_path, monkeypatch):
     """Files of passes, and that of the result, take their places as a whole: either the older or the newer is there."""
     path, original, left = tmp_path / "basins.h5", Path.replace, moment
@@ -122,16 +119,16 @@ def test_a_run_that_dies_between_passes(moment, plain, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("torn", [False, True], ids=["clean", "torn"])
-@pytest.mark.parametrize("moment", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (2, 3)), 4])
+@pytest.mark.parametrize("moment", [0, *(pytest.param(k, marks=pytest.mark.thorough) for k in (2, 3)), 4])
 def test_a_table_goes_on_where_it_died(moment, torn, tmp_path, monkeypatch):
     path = tmp_path / "table.h5"
-    expected = interpolated_map(DUFFING, TABLE).table
+    expected = interpolated_map(duffing(), TABLE).table
     dying(monkeypatch, moment, torn)
     with pytest.raises(Died):
-        interpolated_map(DUFFING, TABLE, checkpoint=path)
+        interpolated_map(duffing(), TABLE, checkpoint=path)
     monkeypatch.undo()
     for _ in range(2):
-        found = interpolated_map(DUFFING, TABLE, checkpoint=path).table
+        found = interpolated_map(duffing(), TABLE, checkpoint=path).table
         for name in ("coefficients", "indicator", "fallback"):
             assert getattr(found, name).tobytes() == getattr(expected, name).tobytes()
 

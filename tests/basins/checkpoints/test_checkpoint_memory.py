@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 from checkpointed_runs import CASES, WINDOW, assert_same
 
-import cellmap
-import cellmap._lib.checkpoint
 from cellmap.basins.initial_conditions import Rows
 from cellmap.basins.label_store import basins_disk, basins_memory
 
@@ -66,7 +64,7 @@ def test_memory_does_not_grow_with_the_number_of_initial_conditions(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["undecided", "small basins", "multi-period steps"])
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_states_that_are_too_many_to_be_kept_are_computed_again(name, plain, tmp_path, monkeypatch):
     """Where all that is left can be looked at, forgetting its states changes nothing."""
     monkeypatch.setattr("cellmap.basins.run._joined", lambda *_: None)
@@ -102,7 +100,3 @@ def test_rows_are_those_that_were_chosen(block, total, fraction, monkeypatch):
     assert np.array_equal(np.concatenate([np.empty(0, int), *rows.spread(10**6)]), expected)
     inside = [rows.inside(slice(k, min(k + block, total))) for k in range(0, total, block)]
     assert np.array_equal(np.concatenate(inside), chosen)
-
-
-def test_a_tile_is_a_multiple_of_a_byte_of_bits():
-    assert cellmap.basins.initial_conditions.BLOCK % 8 == 0

@@ -16,9 +16,10 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from checkpointed_runs import CASES, DUFFING, TABLE, assert_same, pendulum
+from checkpointed_runs import CASES, TABLE, assert_same
+from known_basins import duffing, pendulum
 
-from cellmap import Basins, CellGrid, find_basins, interpolated_map, load_basins
+from cellmap import Basins, CellGrid, find_basins, interpolated_map
 from cellmap._lib.files import locked
 from cellmap.basins import StoreError
 from cellmap.utils import written_whole
@@ -91,43 +92,18 @@ def interrupt_at(tmp_path: Path, moment: str, number: int) -> tuple[int, str]:
     return process.returncode, output + errors
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("moment", MOMENTS)
-def test_killed_without_mercy(moment, undisturbed, tmp_path):
-    returned, _ = interrupt_at(tmp_path, moment, signal.SIGKILL)
-    assert returned == -signal.SIGKILL
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("moment", "number"),
+    [*((m, signal.SIGKILL) for m in MOMENTS), *((m, signal.SIGINT) for m in list(MOMENTS)[::3])],
+)
+def test_killed_without_mercy_or_interrupted_from_the_keyboard(moment, number, undisturbed, tmp_path):
+    returned, output = interrupt_at(tmp_path, moment, number)
+    assert returned == -signal.SIGKILL or (returned != 0 and "KeyboardInterrupt" in output)
     for path in tmp_path.glob("*.h5"):
         tiles_done(path)  # each is a file that can be read
     assert_same_results(long_run(tmp_path), undisturbed)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["basins.h5", "states.h5", "table.h5"]
-
-
-@pytest.mark.slow
-def test_killed_again_and_again(undisturbed, tmp_path):
-    """At moments that nobody chose, until it comes through."""
-    rng, deaths = np.random.default_rng(0), 0
-    while True:
-        process = started(tmp_path)
-        try:
-            output, errors = process.communicate(timeout=float(rng.uniform(1.0, 2.0)) + 0.3 * deaths)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.communicate()
-            deaths += 1
-            continue
-        assert output.strip() == "finished", errors
-        break
-    assert deaths
-    assert_same_results((load_basins(tmp_path / "basins.h5"), load_basins(tmp_path / "states.h5")), undisturbed)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("moment", ["while nodes are interpolated", "during the first labels"])
-def test_interrupted_from_the_keyboard(moment, undisturbed, tmp_path):
-    returned, output = interrupt_at(tmp_path, moment, signal.SIGINT)
-    assert returned != 0
-    assert "KeyboardInterrupt" in output
-    assert_same_results(long_run(tmp_path), undisturbed)
 
 
 def test_what_killed_writers_left_is_removed(plain, tmp_path):
@@ -169,7 +145,10 @@ def test_a_second_process_is_told_so(plain, tmp_path):
     path = tmp_path / "basins.h5"
     with subprocess.Popen([sys.executable, "-c", HOLDER, str(path)], stdin=-1, stdout=-1, text=True) as holder:
         assert holder.stdout.readline() == "held\n"
-        for call in (CASES["given starts"], lambda checkpoint: interpolated_map(DUFFING, TABLE, checkpoint=checkpoint)):
+        for call in (
+            CASES["given starts"],
+            lambda checkpoint: interpolated_map(duffing(), TABLE, checkpoint=checkpoint),
+        ):
             with pytest.raises(
                 StoreError, match=rf"checkpoint=.*basins\.h5' is in use by process {holder.pid} on .*: wait"
             ):
@@ -201,15 +180,6 @@ def test_one_process_has_a_file_at_a_time(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_permissions_are_those_of_ordinary_files_without_touching_the_mask(tmp_path, monkeypatch):
-    """To ask for the mask of the process is to change it, for all its threads."""
-    monkeypatch.setattr("os.umask", lambda mask: pytest.fail("the mask was changed"))
-    with written_whole(tmp_path / "a.txt") as part:
-        part.write_text("text")
-    (tmp_path / "plain").touch()
-    assert (tmp_path / "a.txt").stat().st_mode == (tmp_path / "plain").stat().st_mode
-
-
 LIMITED = """
 import resource, sys
 from pathlib import Path
@@ -234,6 +204,7 @@ for limit in (0, 300, 1000, 3000, 10_000, 25_000, 40_000, 70_000, 90_000):
 """
 
 
+@pytest.mark.thorough
 def test_a_limit_of_file_sizes_is_an_error_and_not_the_end_of_the_process(tmp_path):
     """HDF5's library crashes when a write fails, so that nothing is written by it for which there is no room."""
     done = subprocess.run([sys.executable, "-c", LIMITED, str(tmp_path)], capture_output=True, text=True)

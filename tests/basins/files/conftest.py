@@ -18,9 +18,16 @@ def files(tmp_path_factory) -> Path:
     return folder
 
 
+class Made(dict[str, Basins]):
+    """Basins that are found when they are asked for."""
+
+    def __missing__(self, name: str) -> Basins:
+        return self.setdefault(name, CASES[name]())
+
+
 @pytest.fixture(scope="session")
-def made() -> dict[str, Basins]:
-    return {name: make() for name, make in CASES.items()}
+def made() -> Made:
+    return Made()
 
 
 @pytest.fixture(scope="session")

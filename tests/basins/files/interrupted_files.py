@@ -3,26 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import cos, sin
 from pathlib import Path
 from typing import Any
 
 import h5py
+from known_basins import CONSERVATIVE
 
 import cellmap._lib.checkpoint
 from cellmap import Basins, CellGrid, discrete_map, find_basins, interpolated_map, load_basins, save_basins
 
 WINDOW = CellGrid((-0.6, -0.6), (0.6, 0.6), (140, 130))  # two tiles
-
-
-def conservative(x, p):
-    """Hénon's area-preserving map: nothing settles, and the second pass goes on with what is left."""
-    y = x[1] - x[0] * x[0]
-    return x[0] * cos(p.angle) - y * sin(p.angle), x[0] * sin(p.angle) + y * cos(p.angle)
-
-
-def rotating():
-    return discrete_map(conservative, {"angle": 1.327}, ("x", "y"))
 
 
 def halves() -> Basins:
@@ -57,10 +47,10 @@ def interrupted(run: Callable[[], Any], tiles: int) -> None:
 
 READERS: dict[str, Callable[[Path], bytes]] = {
     "picture": lambda path: load_basins(path).labels.tobytes(),
-    "finished": lambda path: find_basins(rotating(), WINDOW, 260, checkpoint=path).labels.tobytes(),
-    "first pass": lambda path: find_basins(rotating(), WINDOW, 260, checkpoint=path).labels.tobytes(),
-    "later pass": lambda path: find_basins(rotating(), WINDOW, 260, checkpoint=path).labels.tobytes(),
-    "table": lambda path: interpolated_map(rotating(), WINDOW, checkpoint=path).table.coefficients.tobytes(),
+    "finished": lambda path: find_basins(CONSERVATIVE, WINDOW, 260, checkpoint=path).labels.tobytes(),
+    "first pass": lambda path: find_basins(CONSERVATIVE, WINDOW, 260, checkpoint=path).labels.tobytes(),
+    "later pass": lambda path: find_basins(CONSERVATIVE, WINDOW, 260, checkpoint=path).labels.tobytes(),
+    "table": lambda path: interpolated_map(CONSERVATIVE, WINDOW, checkpoint=path).table.coefficients.tobytes(),
 }
 
 

@@ -82,7 +82,9 @@ def run_campaign(folder: Path, files: Path, count: int) -> int:
     return int(done.stdout.split()[0])
 
 
-@pytest.mark.parametrize("count", [100, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "count", [pytest.param(100, marks=pytest.mark.thorough), pytest.param(10_000, marks=pytest.mark.slow)]
+)
 def test_damage_is_an_error_that_names_the_file_or_changes_nothing(count, files, tmp_path):
     """In a process of its own, which ends where a file takes long: HDF5's library does not listen to anything else."""
     refused = run_campaign(tmp_path, files, count)
