@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import cos, pi, sqrt, tanh
+from math import sqrt, tanh
 
 import numpy as np
 import pytest
@@ -12,7 +12,6 @@ from known_basins import LINE, circle_grid, counts, two_wells
 import systems
 from cellmap import (
     CellGrid,
-    ForcedSystem,
     Label,
     Status,
     certify,
@@ -25,7 +24,6 @@ from cellmap import (
 from cellmap.basins.label_store import basins_memory
 from cellmap.maps import ToleranceWarning
 from cellmap.maps.coordinates import difference
-from cellmap.orbits import Kind
 
 # --- symmetry
 
@@ -48,12 +46,6 @@ def mirror_image(a, attractors) -> int:
         if b.period == a.period and apart.min() < 1e-6:
             return k
     raise AssertionError(f"{a} has no mirror image")
-
-
-def test_odd_map_has_equal_halves():
-    basins = find_basins(LINE, CellGrid((-3.0,), (3.0,), (100,)))
-    assert counts(basins) == [50, 50]
-    assert np.array_equal(basins.labels, basins.labels[0] + np.repeat([0, 1 - 2 * basins.labels[0]], 50))
 
 
 # --- what the record says
@@ -96,16 +88,6 @@ def test_labels_are_small_integers_in_the_shape_of_the_initial_conditions():
         basins = find_basins(LINE, initial_conditions)
         assert basins.labels.shape == basins.settling_time.shape == shape
         assert basins.labels.dtype == np.int16
-
-
-def test_one_dimensional_system():
-    """x' = x - x^3 with a weak force: two attractors, one on each side."""
-    system = ForcedSystem(lambda t, x, p: (x[0] - x[0] ** 3 + p.f * cos(t),), {"f": 0.1}, 2 * pi, ("x",))
-    grid = CellGrid((-2.0,), (2.0,), (101,))
-    basins = find_basins(stroboscopic_map(system), grid)
-    assert [a.kind for a in basins.attractors] == [Kind.FIXED_POINT] * 2
-    assert np.count_nonzero(np.diff(basins.labels)) == 1
-    assert basins.verify(200).wrong == 0
 
 
 def test_four_dimensional_initial_conditions_on_a_slice():
@@ -196,16 +178,6 @@ def test_far_initial_conditions_change_nothing_for_the_others(far):
         assert ends == pytest.approx(0.957504 * np.sign(ic[:, 0]), abs=1e-6)
 
 
-def test_strong_damping_in_a_wide_window():
-    """Labels are those of plain iteration of the exact map."""
-    strobe = stroboscopic_map(systems.two_well_duffing(damping=3.0))
-    grid = CellGrid((-200.0, -200.0), (200.0, 200.0), (31, 31))
-    basins = find_basins(strobe, grid)
-    ends = strobe.iterate(grid.centres(), 100).points
-    for k, a in enumerate(basins.attractors):
-        assert np.array_equal(basins.labels == k, np.abs(ends - a.points[0]).max(axis=-1) < 1e-3)
-
-
 # --- warnings, memory, bad input
 
 
@@ -249,10 +221,3 @@ REFUSED = {
 def test_bad_arguments(message):
     with pytest.raises((TypeError, ValueError, MemoryError), match=message):
         REFUSED[message]()
-
-
-def test_initial_conditions_are_copied():
-    initial_conditions = np.array([[0.5], [-0.5]])
-    basins = find_basins(LINE, initial_conditions)
-    initial_conditions[:] = np.nan
-    assert np.isfinite(basins.initial_conditions).all()

@@ -88,6 +88,7 @@ def test_each_label_is_that_of_the_whole_orbit() -> None:
         np.testing.assert_allclose(states.at(VALUES[number], slice(0, PLACES.size))[rows], exact, atol=1e-8)
 
 
+@pytest.mark.thorough
 def test_a_window_with_bifurcations() -> None:
     """A well vanishes at tilt = 2/sqrt(27) between two values, and another one is born at the opposite tilt."""
     tilts = np.linspace(-0.42, 0.42, 22)
@@ -121,6 +122,7 @@ def test_an_audit_that_finds_a_difference_has_all_labels_found_again(monkeypatch
     assert (again.audited[:33, 1] == 0).all()
 
 
+@pytest.mark.thorough
 def test_same_bits_on_any_number_of_threads_and_after_an_interruption(monkeypatch, sweep) -> None:
     results = []
     for threads in (1, 3):

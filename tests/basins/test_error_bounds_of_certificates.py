@@ -37,12 +37,6 @@ def _directions(rng, number, d):
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
-def test_first_error_is_a_ball():
-    spread = np.zeros((2, 2))
-    carry_rows(spread[None], np.eye(2)[None], np.array([0.5]))
-    np.testing.assert_allclose(spread, 0.25 * np.eye(2))
-
-
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("wraps", [(False, False), (True, False), (True, True)])
 def test_reach_of_cells_by_a_graph(seed, wraps):

@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 
 import systems
-from cellmap import CellGrid, Label, discrete_map, interpolated_map, plot, set_threads, stroboscopic_map
+from cellmap import CellGrid, Label, discrete_map, plot, stroboscopic_map
 from cellmap.basins import BasinContinuation, ContinuationInterrupt, continue_basins
 from cellmap.basins import continuation as global_continuation
 from cellmap.orbits import Kind
 
 mpl.use("Agg")
-import matplotlib.pyplot as plt
 
 PENDULUM = stroboscopic_map(systems.driven_pendulum())
 WINDOW = (-pi, -500.0), (pi, 500.0)
@@ -68,38 +67,18 @@ def test_attractors_are_there_between_birth_and_death(pendulum):
     assert (pendulum.present[:, 1] == (pendulum.values > 2.329021135978e-3)).all()
     for label in (2, 3):
         assert (pendulum.present[:, label] == (pendulum.values > BIRTH)).all()
+    assert (pendulum.counts[:, 2] == pendulum.counts[:, 3]).all()
+    # Close to their birth the rotations own 2 cells in 40,000, and at most one of these 3,600.
+    k = np.argmin(np.abs(pendulum.values - BIRTH * (1 + 1e-5)))
+    assert (pendulum.counts[k, 2:] <= 1).all() and pendulum.present[k, 2:].all()
+    for found in pendulum.attractors:
+        assert all(found[label].rotations == ((0, 0, 1, -1)[label], 0) for label in found)
     assert [pendulum.label_name(k) for k in pendulum.labels] == [
         "fixed point (0, 0)",
         "fixed point (π, 0)",
         "rotating, period 1, winding number +1",
         "rotating, period 1, winding number -1",
     ]
-
-
-def test_small_basin_is_not_lost(pendulum):
-    """Close to their birth the rotations own 2 cells in 40,000, and at most one of these 3,600."""
-    k = np.argmin(np.abs(pendulum.values - BIRTH * (1 + 1e-5)))
-    assert (pendulum.counts[k, 2:] <= 1).all()
-    assert pendulum.present[k, 2:].all()
-
-
-def test_labels_keep_their_rotation_numbers(pendulum):
-    for found in pendulum.attractors:
-        for label, rotations in ((0, 0), (1, 0), (2, 1), (3, -1)):
-            assert label not in found or found[label].rotations == (rotations, 0)
-
-
-def test_mirror_images_have_equal_basins(pendulum):
-    assert (pendulum.counts[:, 2] == pendulum.counts[:, 3]).all()
-
-
-def test_counts_of_the_reference_grid():
-    """Two independent programs agree on these (REFERENCES.md); at most 5 cells off, for the boundary is smooth."""
-    sweep = continue_basins(PENDULUM, "amplitude", [3e-3, 2e-3], CellGrid(*WINDOW, (200, 200)))
-    assert sweep.counts[0] == pytest.approx(REFERENCE, abs=5)
-    narrow = CellGrid((-pi, -100.0), (pi, 100.0), (200, 200))
-    sweep = continue_basins(PENDULUM, "amplitude", [2e-3, 3e-3], narrow)
-    assert sweep.counts == pytest.approx(np.array([[40000, 0], [32896, 7104]]), abs=5)
 
 
 def test_random_sample_of_the_pendulum():
@@ -191,13 +170,6 @@ def test_undecided_initial_conditions_are_counted():
 # --- tables, threads, interruption
 
 
-def test_table_is_made_again_at_each_value(tilted_sweep):
-    icm = interpolated_map(TILTED, CellGrid((-2.2,), (2.2,), (256,)), outside="integrate")
-    by_table = continue_basins(icm, "c", SWEEP, LINE)
-    assert (by_table.counts == tilted_sweep.counts).all()
-    assert (by_table.present == tilted_sweep.present).all()
-
-
 def same(a: BasinContinuation, b: BasinContinuation) -> bool:
     points = [
         {label: found[label].points.tolist() for label in sorted(found)}
@@ -206,14 +178,6 @@ def same(a: BasinContinuation, b: BasinContinuation) -> bool:
     ]
     half = len(points) // 2
     return a.labels == b.labels and (a.counts == b.counts).all() and points[:half] == points[half:]
-
-
-def test_same_bits_for_any_number_of_threads(pendulum):
-    set_threads(3)
-    again = continue_basins(PENDULUM, "amplitude", pendulum.values[:3], CellGrid(*WINDOW, (60, 60)))
-    assert (again.counts == pendulum.counts[:3]).all()
-    for one, other in zip(again.attractors, pendulum.attractors, strict=False):
-        assert all((one[k].points == other[k].points).all() for k in one)
 
 
 def test_interruption_keeps_what_is_done(monkeypatch, tilted_sweep):
@@ -238,67 +202,26 @@ def test_interruption_keeps_what_is_done(monkeypatch, tilted_sweep):
     assert rest.cost.steps == tilted_sweep.cost.steps
 
 
-def test_interruption_at_the_first_value(monkeypatch):
-    def interrupted(*arguments, **options):
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(global_continuation, "find_basins", interrupted)
-        with pytest.raises(ContinuationInterrupt) as stop:
-            continue_basins(TILTED, "c", SWEEP[:2], LINE)
-    partial = stop.value.partial
-    assert (len(partial.values), partial.counts.shape, partial.present.shape) == (0, (0, 0), (0, 0))
-    assert repr(partial) == "BasinContinuation(tilted wells, c: 0 values, 0 attractors)"
-    assert len(continue_basins(TILTED, "c", SWEEP[:2], LINE, resume=partial).values) == 2
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"parameter": "d"}, "other parameters"),
-        ({"initial_conditions": CellGrid((-2.0,), (2.0,), (99,))}, "other initial_conditions"),
-        ({"initial_conditions": [[0.1]]}, "other initial_conditions"),
-        ({"max_periods": 7}, "other settings"),
-        ({"values": SWEEP[1:]}, "other values"),
-        ({"values": SWEEP[:5]}, "other values"),
-        ({"point_map": discrete_map(tilted, {"c": 0.0, "d": 0.0}, ("x",), "wells")}, "other system"),
-        ({"resume": 3}, "resume=3"),
-    ],
-)
-def test_result_to_resume_has_to_fit(tilted_sweep, change, message):
-    maps = discrete_map(tilted, {"c": 0.0, "d": 0.0}, ("x",), "tilted wells")
-    fitting = replace(tilted_sweep, params={"d": 0.0})
-    arguments = {
-        "point_map": maps,
-        "parameter": "c",
-        "values": SWEEP,
-        "initial_conditions": LINE,
-        "resume": fitting,
-    } | change
-    with pytest.raises((TypeError, ValueError), match=message):
-        continue_basins(**arguments)
+MORE = discrete_map(tilted, {"c": 0.0, "d": 0.0}, ("x",), "tilted wells")
+UNFIT = {
+    "other parameters": {"parameter": "d"},
+    "other initial_conditions": {"initial_conditions": [[0.1]]},
+    "other settings": {"max_periods": 7},
+    "other values": {"values": SWEEP[1:]},
+    "other system": {"point_map": discrete_map(tilted, {"c": 0.0, "d": 0.0}, ("x",), "wells")},
+    "values goes up and down": {"values": [0.0, 1.0, 0.5]},
+    "give a list of at least one value": {"values": 0.5},
+    "initial_conditions has shape": {"initial_conditions": [0.1, 0.2]},
+    "initial_conditions has 2 axes": {"initial_conditions": CellGrid((0, 0), (1, 1), (2, 2))},
+    "take fewer initial conditions": {"initial_conditions": CellGrid((-2.0,), (2.0,), (10**13,))},
+}
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"point_map": 3}, "point_map=3"),
-        ({"parameter": "b"}, "'b'"),
-        ({"values": [0.0, 1.0, 0.5]}, "values goes up and down"),
-        ({"values": 0.5}, "give a list of at least one value"),
-        ({"initial_conditions": np.empty((0, 1))}, "initial_conditions is empty"),
-        ({"initial_conditions": [0.1, 0.2]}, "initial_conditions has shape"),
-        ({"initial_conditions": CellGrid((0, 0), (1, 1), (2, 2))}, "initial_conditions has 2 axes"),
-        ({"max_periods": 0}, "max_periods=0"),
-        ({"longest_period": 0}, "longest_period=0"),
-        ({"threshold": 0.0}, "threshold=0.0"),
-        ({"initial_conditions": CellGrid((-2.0,), (2.0,), (10**13,))}, "take fewer initial conditions"),
-    ],
-)
-def test_bad_arguments_are_named(change, message):
-    arguments = {"point_map": TILTED, "parameter": "c", "values": [0.0, 0.1], "initial_conditions": LINE} | change
+@pytest.mark.parametrize("message", UNFIT)
+def test_arguments_and_a_result_to_resume_have_to_fit(tilted_sweep, message):
+    given = {"point_map": MORE, "parameter": "c", "values": SWEEP, "initial_conditions": LINE}
     with pytest.raises((TypeError, ValueError, MemoryError), match=message):
-        continue_basins(**arguments)
+        continue_basins(**(given | {"resume": replace(tilted_sweep, params={"d": 0.0})} | UNFIT[message]))
 
 
 # --- figures
@@ -313,19 +236,9 @@ def test_figure(tilted_sweep):
     ]
     assert [line.get_xdata().size for line in lower.get_lines()] == tilted_sweep.present.sum(axis=0).tolist()
     assert (lower.get_xlabel(), lower.get_ylabel()) == ("$c$", "$x$")
-
-
-def test_figure_on_given_axes(tilted_sweep):
-    _, ax = plt.subplots()
-    assert plot.basin_continuation(tilted_sweep, ax=ax, colours={1: "red"}, legend=False) == (ax,)
-    assert ax.collections[1].get_facecolor()[0][:3].tolist() == [1.0, 0.0, 0.0]
-
-
-def test_figure_of_nothing(tilted_sweep):
     with pytest.raises(ValueError, match="coordinate='y'"):
         plot.basin_continuation(tilted_sweep, coordinate="y")
-    with pytest.raises(TypeError, match="continuation=3"):
-        plot.basin_continuation(3)
-    empty = replace(tilted_sweep, values=np.empty(0), counts=np.empty((0, 2), np.int64), attractors=())
     with pytest.raises(ValueError, match="no values"):
-        plot.basin_continuation(empty)
+        plot.basin_continuation(
+            replace(tilted_sweep, values=np.empty(0), counts=np.empty((0, 2), np.int64), attractors=())
+        )

@@ -5,22 +5,20 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Mapping
-from math import cos, pi, tanh
 
 import numpy as np
 import pytest
+from known_basins import CONSERVATIVE, duffing
 
 import systems
 from cellmap import (
     CellGrid,
-    ForcedSystem,
     Label,
     PointMap,
     discrete_map,
     find_basins,
     interpolated_map,
     set_threads,
-    stroboscopic_map,
 )
 from cellmap.basins import LiveBasins, LiveFrame
 
@@ -33,22 +31,7 @@ def tilted(x, p):
     return (x[0] + 0.2 * (x[0] - x[0] ** 3 + p.t),)
 
 
-def forced(t, x, p):
-    return x[1], x[0] - x[0] ** 3 - p.delta * x[1] + p.gamma * cos(t)
-
-
-def conservative(x, p):
-    y = x[1] - p.b * x[0] * x[0]
-    return x[0] * 0.24 - y * 0.97, x[0] * 0.97 + y * 0.24
-
-
 TILTED = discrete_map(tilted, {"t": 0.0}, ("x",))
-CONSERVATIVE = discrete_map(conservative, {"b": 1.0}, ("x", "y"))
-
-
-def duffing(phase: float = 0.0, **params: float) -> PointMap:
-    system = ForcedSystem(forced, {"delta": 0.2, "gamma": 0.1, **params}, 2 * pi, ("q", "v"), "Duffing")
-    return stroboscopic_map(system, phase, rtol=1e-6, atol=1e-6)
 
 
 def identities_of(frame: LiveFrame) -> Mapping[int, float]:
@@ -103,25 +86,6 @@ def test_an_attractor_keeps_its_identity_while_it_moves() -> None:
     assert (back.born, back.gone) == ((left,), ())
     assert set(np.unique(back.identity_image)) == {left, right}
     assert (back.identity_image[:20] == left).all()
-
-
-def test_an_attractor_that_comes_back_is_in_the_preview() -> None:
-    """The left well vanishes at t = 0.385; where two wells have merged, the orbit between them is found once."""
-    live = LiveBasins(TILTED, LINE)
-    both = image(live).identities
-    assert len(image(live, {"t": 0.45}).identities) == 1
-    preview = next(live.frames({"t": 0.2}))
-    assert preview.preview
-    assert set(np.unique(preview.identity_samples)) == set(both)
-    merging = LiveBasins(
-        discrete_map(lambda x, p: (tanh(p.a * x[0]),), {"a": 1.5}, ("x",)), CellGrid((-1,), (1,), (80,))
-    )
-    wells = image(merging).identities
-    (middle,) = image(merging, {"a": 0.9}).identities
-    preview = next(merging.frames({"a": 0.89}))
-    assert preview.preview
-    assert tuple(preview.attractors) == (middle,)
-    assert set(image(merging, {"a": 1.4}).identities) == set(wells)
 
 
 def test_a_preview_comes_before_anything_is_verified(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -269,28 +233,8 @@ def test_what_is_asked_for_again_is_not_computed_again(monkeypatch: pytest.Monke
     assert image(live, {"t": 0.1}).complete
 
 
-@pytest.mark.parametrize(
-    ("request_", "error", "message"),
-    [
-        ({"params": {"u": 1.0}}, ValueError, r"params has no \['u'\]: this map has \['t'\]"),
-        ({"params": {"t": np.nan}}, ValueError, r"params\['t'\]=nan"),
-        ({"params": 3}, TypeError, "params=3: give a mapping"),
-        ({"max_seconds": -1}, ValueError, "max_seconds=-1: give a number above 0"),
-        ({"phase": 0.3}, ValueError, r"phase=0\.3: a discrete map has none"),
-    ],
-)
-def test_arguments_out_of_range_are_named(request_, error, message) -> None:
-    with pytest.raises(error, match=message):
-        LiveBasins(TILTED, LINE).image(**request_)
-    with pytest.raises(ValueError, match="threshold=0: give a number above 0"):
-        LiveBasins(TILTED, LINE, threshold=0)
-
-
-def test_the_example_of_two_wells_that_are_born() -> None:
-    wells = discrete_map(lambda x, p: (tanh(p.a * x[0]),), {"a": 0.5}, ("x",), "wells")
-    live = LiveBasins(wells, CellGrid((-1,), (1,), (100,)))
-    (one,) = image(live).identities
-    frames = list(live.frames({"a": 1.5}))
-    assert all(frame.gone == () for frame in frames[:-1])
-    assert frames[-1].gone == (one,)
-    assert len(frames[-1].born) == 2
+def test_requests_that_do_not_fit() -> None:
+    with pytest.raises(ValueError, match=r"params has no \['u'\]: this map has \['t'\]"):
+        LiveBasins(TILTED, LINE).image({"u": 1.0})
+    with pytest.raises(ValueError, match=r"phase=0\.3: a discrete map has none"):
+        LiveBasins(TILTED, LINE).image(phase=0.3)

@@ -18,7 +18,6 @@ from cellmap.attractors.settling import Catalogue, settle
 from cellmap.basins import certify
 from cellmap.exchange import from_xarray, to_xarray
 from cellmap.maps.orbit_batch import Orbits
-from cellmap.plot import fractions
 
 NUMBER, MOST = 60, 40
 GRID = CellGrid((-0.5,), (NUMBER - 0.5,), (4 * NUMBER,))
@@ -94,7 +93,3 @@ def test_more_than_16_bits_distinguish(staircase, origin, monkeypatch):
     catalogue = Catalogue.of(all_numbers(origin, many), staircase)
     settled = settle(staircase, Orbits.starting(np.array([[many - 1.3], [0.4]])), catalogue, 20)
     assert settled.labels.dtype == np.int32 and settled.labels.tolist() == [many - 1, 0]
-
-
-def test_a_figure_sums_up_the_small_fractions(basins):
-    assert fractions(basins).get_children()

@@ -26,20 +26,11 @@ from cellmap.basins import Evidence, UnsettledWarning, continue_basins, refine_b
 from cellmap.basins.certification import certified_labels
 from cellmap.basins.continuation import _outermost, _seeds
 from cellmap.basins.initial_conditions import InitialConditions, Rows
-from cellmap.basins.label_store import InMemory, LabelStore, basins_memory
+from cellmap.basins.label_store import InMemory, LabelStore
 from cellmap.basins.planning.predictions import Labelling, TableProbe, slower
 from cellmap.maps.interpolation.interpolated import table_memory
 
 CREEPS = discrete_map(lambda x, p: (x[0] - x[0] ** 3,), {}, ("x",))
-
-
-@pytest.mark.parametrize("bits", [False, True])
-@pytest.mark.parametrize(("total", "count"), [(10, 100), (10, 10), (100, 4), (1000, 7)])
-def test_rows_are_spread_from_the_first_to_the_last(bits, total, count):
-    rows = Rows.where(total, lambda part: np.ones(part.stop - part.start, bool)) if bits else Rows(total)
-    found = np.concatenate(list(rows.spread(count)))
-    expected = np.arange(total) if total <= count else np.linspace(0, total - 1, count).round().astype(int)
-    assert np.array_equal(found, expected)
 
 
 def test_points_of_the_same_extent_as_all():
@@ -69,14 +60,6 @@ def test_look_ups_of_larger_tables_are_slower():
     wide = CellGrid((0.0, 0.0), (1.0, 1.0), (256, 256))
     assert slower(probe, wide) == pytest.approx(1.0 + 2.0 * part)
     assert slower(replace(probe, lookups=()), wide) == 1.0
-
-
-def test_refining_needs_memory_for_three_images(monkeypatch):
-    many = CellGrid((-1.0,), (1.0,), (100_000,))
-    monkeypatch.setattr("cellmap._lib.checks._ALWAYS_FREE", 0)
-    monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: 3 * basins_memory(many.size) - 1)
-    with pytest.raises(MemoryError, match="labels of 100,000 initial conditions"):
-        next(iter(refine_basins(CREEPS, many)))
 
 
 def test_how_far_creeping_orbits_move_is_said():

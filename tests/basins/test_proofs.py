@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi, sin
+from math import cos, pi, sin
 
 import numpy as np
 import pytest
@@ -179,8 +179,6 @@ def test_certificates_take_proved_labels(roots):
     assert certificate.redone == np.count_nonzero(
         (certificate.evidence >= Evidence.EXACT) & (certificate.evidence < Evidence.PROVED)
     )
-    with pytest.raises(ValueError, match="other basins"):
-        certify(find_basins(icm, CellGrid((-1, -1), (1, 1), (10, 10))), proof=found)
 
 
 def test_certificates_take_no_proof_of_another_map():
@@ -223,6 +221,31 @@ def test_balls_reach_nearly_as_far_as_the_basin():
     end, size = (0.03 / 4.0) ** 0.5, abs(balls.frames[0, 0, 0])
     assert 0.6 * end < balls.reach / size < end
     assert balls.radius / size < (0.03 / 12.0) ** 0.5 * (1 + 1e-9)  # where the derivative is 1
+    # With cells wider than its ball an attractor is proved and no label.
+    none = prove(found.basins, splits=0, max_periods=0)
+    assert none.share == 0.0
+    assert "no label is proved, though 1 of 1 attractors are" in repr(none)
+
+
+def spiral(x, p):
+    """Turn about two axes, and multiply by 0.4 + 0.6 r^2, with r in units of 0.5, which is 1 at r = 1 exactly."""
+    a, b, c = x
+    r = p.least + (1.0 - p.least) * (a * a + b * b + c * c) / 0.25
+    u, v = cos(0.7) * a - sin(0.7) * b, sin(0.7) * a + cos(0.7) * b
+    return r * u, r * (cos(0.4) * v - sin(0.4) * c), r * (sin(0.4) * v + cos(0.4) * c)
+
+
+def test_no_ball_in_three_dimensions_grows_beyond_the_basin():
+    """The witness is r -> r (0.4 + 0.6 r^2): it decreases exactly where r < 1."""
+    image = discrete_map(spiral, {"least": 0.4}, ("a", "b", "c"))
+    proof = prove(find_basins(image, CellGrid((-1.5, -1.5, -1.5), (1.5, 1.5, 1.5), (6, 6, 6))), splits=0)
+    balls = next(iter(proof.attractors.values()))
+    surface = np.random.default_rng(0).normal(size=(4000, 3))
+    surface *= balls.reach / np.linalg.norm(surface, axis=1, keepdims=True)
+    points = balls.centres[0] + np.linalg.solve(balls.frames[0], surface.T).T
+    distances = np.linalg.norm(points, axis=1)
+    assert balls.reach > 1.4 * balls.radius  # it has grown
+    assert distances.min() > 0.4 * 0.5 and distances.max() < 0.5
 
 
 def test_what_cannot_be_proved_says_so(roots):
@@ -234,11 +257,3 @@ def test_what_cannot_be_proved_says_so(roots):
     folded = discrete_map(lambda x, p: (1.9 * abs(x[0] - 0.5),), {}, ("x",))
     with pytest.raises(ValueError, match="fabs is not enclosed"):
         prove(find_basins(folded, CellGrid((0.1,), (0.9,), (20,))))
-
-
-def test_a_proof_of_no_cell_tells_what_is_proved():
-    """With cells wider than its ball an attractor is proved and no label."""
-    slow = discrete_map(lambda x, p: (x[0] * (0.97 + 4.0 * x[0] ** 2),), {}, ("x",))
-    found = prove(find_basins(slow, CellGrid((-0.08,), (0.08,), (2,))), splits=0, max_periods=0)
-    assert found.share == 0.0
-    assert "no label is proved, though 1 of 1 attractors are" in repr(found)

@@ -126,7 +126,12 @@ PUBLISHED = {
 }
 
 
-@pytest.mark.parametrize("name", PUBLISHED)
+QUICK = ("inverted", "Grebogi, Ott, Yorke")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in QUICK else pytest.mark.thorough) for name in PUBLISHED]
+)
 def test_published_fractions(name):
     point_map, grid, points, expected, allowed = PUBLISHED[name]
     basins = find_basins(point_map, grid)
@@ -137,7 +142,7 @@ def test_published_fractions(name):
     assert basins.labels.min() == 0
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_bounded_fraction_of_henons_map():
     """0.4319 of the 1000 x 1000 starts on the nodes of [-2, 2]^2 stay bounded."""
     nodes = np.linspace(-2.0, 2.0, 1000)
@@ -147,7 +152,7 @@ def test_bounded_fraction_of_henons_map():
     assert set(basins.fractions) == {0, Label.DIVERGED}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_fractions_do_not_depend_on_the_tolerance_where_the_boundary_is_fractal():
     """Two exact maps disagree on single cells, and agree on fractions to 0.3 points."""
     grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (300, 300))

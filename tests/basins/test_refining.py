@@ -9,76 +9,44 @@ import warnings
 import weakref
 from collections.abc import Iterator
 from itertools import count
-from math import cos, pi
+from math import pi
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from known_basins import CONSERVATIVE, duffing, pendulum
 
 import systems
 from cellmap import (
     Basins,
     CellGrid,
-    ForcedSystem,
     Label,
-    PointMap,
     discrete_map,
     find_basins,
     interpolated_map,
     load_basins,
     set_threads,
-    stroboscopic_map,
 )
-from cellmap._lib.stopping import Stop
-from cellmap.attractors.settling import Settled
 from cellmap.basins import refine_basins
-from cellmap.basins.initial_conditions import InitialConditions
-from cellmap.basins.refining import refinement
 from cellmap.basins.strides import strided_tiles
-from cellmap.basins.sweeps import Batch, LabellingTask
-
-
-def forced(t, x, p):
-    return x[1], x[0] - x[0] ** 3 - 0.2 * x[1] + 0.1 * cos(t)
-
-
-def conservative(x, p):
-    """Hénon's area-preserving map, cosine 0.28: nothing settles, some initial conditions diverge."""
-    y = x[1] - x[0] * x[0]
-    return x[0] * 0.28 - y * 0.96, x[0] * 0.96 + y * 0.28
-
-
-def newton(x, p):
-    return (x[0] / 2 + 1 / (2 * x[0]),)
-
-
-def duffing() -> PointMap:
-    return stroboscopic_map(ForcedSystem(forced, {}, 2 * pi, ("q", "v"), "Duffing"), rtol=1e-5, atol=1e-5)
-
-
-def pendulum() -> PointMap:
-    return stroboscopic_map(systems.driven_pendulum(amplitude=0.010), rtol=1e-6, atol=1e-6)
-
 
 WINDOW = CellGrid((-2.2, -2.2), (2.2, 2.2), (150, 90))
-CONSERVATIVE = discrete_map(conservative, {}, ("x", "y"))
+LEAST = CellGrid((-0.6, -0.6), (0.6, 0.6), (40, 35))
+TABLE = CellGrid((-2.5, -2.5), (2.5, 2.5), (96, 96))
+THOROUGH = ("table", "chaotic", "multi-period steps")
 CASES = {
     "two wells": (duffing, WINDOW, 2000),
-    "table": (
-        lambda: interpolated_map(duffing(), CellGrid((-2.5, -2.5), (2.5, 2.5), (96, 96)), tolerance=1e-2),
-        WINDOW,
-        2000,
-    ),
+    "table": (lambda: interpolated_map(duffing(), TABLE, tolerance=1e-2), WINDOW, 2000),
     "small basins": (pendulum, CellGrid((-pi, -500.0), (pi, 500.0), (60, 51)), 600),
-    "undecided": (lambda: CONSERVATIVE, CellGrid((-0.6, -0.6), (0.6, 0.6), (40, 35)), 300),
+    "undecided": (lambda: CONSERVATIVE, LEAST, 300),
     "chaotic": (systems.henon_map, CellGrid((-2.0, -2.0), (2.0, 2.0), (95, 95)), 500),
     "multi-period steps": (
         lambda: interpolated_map(CONSERVATIVE, CellGrid((-1, -1), (1, 1), (60, 60)), outside="escape", max_step=8),
-        CellGrid((-0.6, -0.6), (0.6, 0.6), (30, 30)),
+        LEAST,
         300,
     ),
     "points": (
-        lambda: discrete_map(newton, {}, ("x",)),
+        lambda: discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]),), {}, ("x",)),
         np.random.default_rng(0).uniform(-3.0, 3.0, (4, 900, 1)),
         2000,
     ),
@@ -94,7 +62,9 @@ def assert_same(ours: Basins, theirs: Basins) -> None:
     assert ours.settings == theirs.settings
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.thorough] if name in THOROUGH else []) for name in CASES]
+)
 def test_the_last_frame_has_the_bits_of_a_whole_call(name: str) -> None:
     make, places, periods = CASES[name]
     whole = find_basins(make(), places, periods)
@@ -146,13 +116,6 @@ def test_a_map_with_known_attractors_is_drawn_before_others_are_sought(monkeypat
     assert np.array_equal(first.basins.labels[::8, ::8], whole.labels[::8, ::8])
     with pytest.raises(KeyboardInterrupt):
         next(frames)
-
-
-def test_attractors_that_are_known_only_in_part_lead_to_the_same_bits() -> None:
-    whole = find_basins(pendulum(), CASES["small basins"][1], 600)
-    some = whole.attractors[:1]
-    *_, last = refine_basins(pendulum(), CASES["small basins"][1], 600, attractors=some)
-    assert_same(last.basins, find_basins(pendulum(), CASES["small basins"][1], 600, attractors=some))
 
 
 @pytest.mark.parametrize("shape", [(1,), (7,), (2000,), (5, 300), (100, 90), (4, 5, 6), (200, 30, 40), (3, 4, 5, 6)])
@@ -238,15 +201,6 @@ def test_a_call_ends_in_time_with_what_is_decided(clock: Iterator[int]) -> None:
     assert verified.excluded > 0
 
 
-def test_what_may_still_settle_is_unlabelled_and_not_undecided() -> None:
-    grid = CellGrid((-0.4, -0.4), (0.4, 0.4), (30, 30))
-    with pytest.warns(UserWarning, match="900 of 900 initial conditions are unlabelled"):
-        assert (find_basins(CONSERVATIVE, grid, 10**7, max_seconds=0.3).labels == Label.UNLABELLED).all()
-    *_, last = refine_basins(CONSERVATIVE, grid, 10**7, max_seconds=0.3)
-    assert not last.complete
-    assert (last.basins.labels < 0).all()
-
-
 @pytest.mark.usefixtures("clock")
 def test_a_checkpoint_goes_on_where_the_time_was_over(tmp_path) -> None:
     grid, path, calls = CellGrid((-2.2, -2.2), (2.2, 2.2), (400, 400)), tmp_path / "basins.h5", 0
@@ -272,27 +226,3 @@ def test_a_single_initial_condition_is_an_image_of_one_place() -> None:
         refine_basins(CONSERVATIVE, WINDOW, stride=6)
     with pytest.raises(ValueError, match=r"near has shape \(1,\)"):
         refine_basins(CONSERVATIVE, WINDOW, near=(1.0,))
-
-
-def test_nothing_finer_is_labelled_before_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two strides are labelled by known attractors before the search: the second one when the first has been taken."""
-    point_map = duffing()
-    places = InitialConditions.of(CellGrid((-2.2, -2.2), (2.2, 2.2), (300, 300)), point_map)
-    known = find_basins(point_map, WINDOW).attractors
-    begun: list[int] = []
-    label = LabellingTask.__call__
-
-    def counted(work: LabellingTask, batch: Batch) -> Settled:
-        begun.append(np.size(batch.rows))
-        return label(work, batch)
-
-    monkeypatch.setattr(LabellingTask, "__call__", counted)
-    set_threads(2)
-    try:
-        frames = refinement(point_map, places, (2000, 32), known, 4, None, None, Stop(None), first=2)
-        for stride in (4, 2):
-            assert next(frames).stride == stride
-            time.sleep(0.05)
-            assert sum(begun) == (300 // stride) ** 2
-    finally:
-        set_threads(None)

@@ -59,6 +59,7 @@ def test_an_image_that_was_not_found_is_missing() -> None:
     assert (0, "all signs") in symmetric_groups(basins).missing
 
 
+@pytest.mark.thorough
 def test_formulas_of_flows_tell_symmetries() -> None:
     basins = find_basins(stroboscopic_map(ring_of_wells(2, forcing=0.0)), np.eye(4)[[0, 1]])
     assert symmetric_groups(basins).symmetries == ("all signs", "shift of 2")

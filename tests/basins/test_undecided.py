@@ -67,7 +67,7 @@ FADING_FROM = np.random.default_rng(0).uniform([-0.1, -0.1, 1.0], [0.1, 0.1, 1.0
 # --- the search ends
 
 
-@pytest.mark.parametrize("max_periods", [5, 33, 64, 65])
+@pytest.mark.parametrize("max_periods", [5, 64, 65])
 @pytest.mark.parametrize(("chaotic", "grid"), [(LOGISTIC, LINE), (HENON, PLANE)], ids=["logistic", "Henon"])
 def test_a_known_chaotic_attractor_is_recognised(chaotic, grid, max_periods, sweeps) -> None:
     """Nothing can stay for 64 periods within fewer; from 65 on everything is decided."""
@@ -103,7 +103,7 @@ def duffing(t, x, p):
 SEVENFOLD = {"a": 0.5, "b": 0.8558269832960217, "d": 0.19161137246192342, "g": 0.10391845296070396}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("max_periods", [600, 2000])
 def test_two_wells_with_long_transients(max_periods, sweeps) -> None:
     """Two attractors of seven bands each; along both the largest exponent is 0.083 (2,000 periods, six orbits)."""
@@ -128,6 +128,7 @@ def test_sweeps_are_bounded_whatever_is_found(sweeps, monkeypatch) -> None:
     assert len(sweeps) == 2
 
 
+@pytest.mark.thorough
 def test_sweeps_are_bounded_where_each_decides_one_more(sweeps, monkeypatch) -> None:
     """Points that stay where they are, of which each look declares one an attractor."""
     still = discrete_map(lambda x, p: (x[0],), {}, ("x",))
@@ -148,13 +149,6 @@ def test_sweeps_are_bounded_where_each_decides_one_more(sweeps, monkeypatch) -> 
 # --- what is a chaotic attractor, and what is not
 
 
-def test_exponents_are_those_of_the_attractor() -> None:
-    """0.419 at a = 1.4; on the way there, from a = 1.1, they are smaller."""
-    (found,) = find_attractors(FADING, FADING_FROM, max_periods=50)
-    assert found.kind is Kind.CHAOTIC
-    assert found.exponents[0] == pytest.approx(0.419, abs=0.01)
-
-
 def test_chaos_that_fades_is_no_attractor() -> None:
     """From a = 1.4 down to 0.2, where a fixed point attracts: chaotic for a while, and periodic later."""
     fades = FADING.with_params(above=0.2, range=1.2, keep=0.9995)
@@ -170,56 +164,35 @@ def test_a_flat_attractor_is_one() -> None:
     assert sorted(round(float(a.points[0, 2]), 9) for a in found) == [-1.0, 1.0]
 
 
-def test_orbits_on_a_known_attractor_are_on_no_new_one() -> None:
-    (first,) = examine(HENON, HENON.iterate(np.zeros((32, 2)) + 0.01 * np.arange(32)[:, None], 500).points).attractors
-    others = HENON.iterate(np.zeros((7, 2)) + 0.003 * np.arange(7)[:, None], 400).points
-    again = examine(HENON, others, known=[first])
-    assert again.attractors == ()
-    assert again.reasons == (Reason.KNOWN,) * 7
-
-
 # --- why orbits are undecided
 
+# Of the standard map a few orbits are on islands; each of a rotation is on a circle of its own; the exponents of the
+# torus are 0, 0, 0 and -log(2).
 REASONS = {
-    "standard map": (
-        # A few orbits are on islands.
+    Reason.CONSERVATIVE: (
         lambda x, p: (x[0] + x[1] + 5.0 * sin(x[0]), x[1] + 5.0 * sin(x[0])),
         (angle("a"), angle("b")),
-        (-pi, pi),
-        Reason.CONSERVATIVE,
+        pi,
     ),
-    # Each orbit on a circle of its own.
-    "rotation": (
-        lambda x, p: (0.6 * x[0] - 0.8 * x[1], 0.8 * x[0] + 0.6 * x[1]),
-        ("x", "y"),
-        (-1, 1),
-        Reason.PRESERVED,
-    ),
-    # Its exponents are 0, 0, 0 and -log(2).
-    "torus of three frequencies": (
+    Reason.PRESERVED: (lambda x, p: (0.6 * x[0] - 0.8 * x[1], 0.8 * x[0] + 0.6 * x[1]), ("x", "y"), 1),
+    Reason.TORUS: (
         lambda x, p: (x[0] + sqrt(2.0), x[1] + sqrt(3.0), x[2] + sqrt(5.0), 0.5 * x[3]),
         (angle("a"), angle("b"), angle("c"), "z"),
-        (-1, 1),
-        Reason.TORUS,
+        1,
     ),
-    "half a turn": (lambda x, p: (x[0] + pi,), (angle("a"),), (-pi, pi), Reason.PERIODIC),
-    "neutral point": (lambda x, p: (x[0] - x[0] ** 3,), ("x",), (-0.5, 0.5), Reason.CREEPING),
+    Reason.PERIODIC: (lambda x, p: (x[0] + pi,), (angle("a"),), pi),
+    Reason.CREEPING: (lambda x, p: (x[0] - x[0] ** 3,), ("x",), 0.5),
 }
 
 
-@pytest.mark.parametrize("name", REASONS)
-def test_reasons(name) -> None:
-    function, coordinates, (lower, upper), reason = REASONS[name]
+@pytest.mark.parametrize("reason", REASONS)
+def test_reasons(reason) -> None:
+    function, coordinates, half = REASONS[reason]
     d = len(coordinates)
-    basins = find_basins(
-        discrete_map(function, {}, coordinates), CellGrid((lower,) * d, (upper,) * d, (8, 8, 1, 1)[:d]), 300
-    )
+    grid = CellGrid((-half,) * d, (half,) * d, (8, 8, 1, 1)[:d])
+    basins = find_basins(discrete_map(function, {}, coordinates), grid, 300)
     assert sum(basins.undecided.values()) == min(8**d, 32)
     assert basins.undecided[reason] > 25 or basins.undecided == {reason: 8}
-
-
-def test_what_is_decided_has_no_reasons() -> None:
-    assert find_basins(discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",)), LINE).undecided == {}
 
 
 def test_reasons_are_kept_in_files(tmp_path) -> None:
@@ -258,7 +231,7 @@ def test_a_sink_far_away_from_a_tiny_window() -> None:
     assert np.abs(sink.multipliers) == pytest.approx([0.6102601397] * 2, abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_sinks_of_a_tiny_window_are_listed_once(sweeps) -> None:
     """Around the repelling fixed point at 0 a 60 x 60 window reaches 24 sinks, all at odd multiples of pi."""
     basins = find_basins(SINKS, CellGrid((-TINY, -TINY), (TINY, TINY), (60, 60)))
