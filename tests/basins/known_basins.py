@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
 from math import cos, pi, sin, tanh
@@ -10,15 +11,7 @@ from typing import Any
 import numpy as np
 
 import systems
-from cellmap import (
-    Basins,
-    CellGrid,
-    ForcedSystem,
-    PointMap,
-    angle,
-    discrete_map,
-    stroboscopic_map,
-)
+from cellmap import Basins, CellGrid, ForcedSystem, PointMap, angle, discrete_map, stroboscopic_map
 
 W = 2 * pi * 50  # the drive of the report's pendulum, rad/s
 
@@ -80,6 +73,16 @@ def conservative(x, p):
 
 
 CONSERVATIVE = discrete_map(conservative, {"b": 1.0, "c": cos(1.327), "s": sin(1.327)}, ("x", "y"))
+
+
+class Made(dict[str, Basins]):
+    """Basins that are found when they are asked for."""
+
+    def __init__(self, cases: Mapping[str, Callable[[], Basins]]) -> None:
+        self.cases = cases
+
+    def __missing__(self, name: str) -> Basins:
+        return self.setdefault(name, self.cases[name]())
 
 
 def assert_same_record(one: Any, other: Any) -> None:

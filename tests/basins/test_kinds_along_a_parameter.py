@@ -10,15 +10,7 @@ import numpy as np
 import pytest
 
 import systems
-from cellmap import (
-    CellGrid,
-    ForcedSystem,
-    PointMap,
-    discrete_map,
-    find_basins,
-    interpolated_map,
-    stroboscopic_map,
-)
+from cellmap import CellGrid, ForcedSystem, PointMap, discrete_map, find_basins, interpolated_map, stroboscopic_map
 from cellmap.basins import LiveBasins
 from cellmap.explorer import export_html
 from cellmap.orbits import Kind

@@ -23,7 +23,7 @@ from cellmap import (
 )
 from cellmap.analysis.resilience import basin_stability, settling_statistics
 from cellmap.basins import classify_by_features, recompute_basins
-from cellmap.basins.classification import labeller, own_label, places_of, scale_of, span_of
+from cellmap.basins.classification import chosen_coordinates, labeller, own_label, places_of, scale_of, span_of
 from cellmap.basins.final_states import _coarse, final_states
 from cellmap.orbits import InvariantTorus, Kind
 from cellmap.orbits.attractor import distinct_names
@@ -126,8 +126,15 @@ def test_labels_of_basins(basins):
         own_label(basins, 0.5, "which")
 
 
-def test_units_of_length():
+def test_units_of_length_and_coordinates():
     axes = WELLS.coordinates
+    assert [chosen_coordinates("along", given, axes).tolist() for given in (None, "y", ("y", 0))] == [
+        [0, 1],
+        [1],
+        [0, 1],
+    ]
+    with pytest.raises(ValueError, match="along='z': the coordinates are"):
+        chosen_coordinates("along", "z", axes)
     span = np.array([4.0, 2.0])
     assert scale_of(None, axes, span).tolist() == [4.0, 2.0]
     assert scale_of(3, axes, span).tolist() == [3.0, 3.0]

@@ -11,15 +11,7 @@ import pytest
 from known_basins import CONSERVATIVE, duffing
 
 import systems
-from cellmap import (
-    CellGrid,
-    Label,
-    PointMap,
-    discrete_map,
-    find_basins,
-    interpolated_map,
-    set_threads,
-)
+from cellmap import CellGrid, Label, PointMap, discrete_map, find_basins, interpolated_map, set_threads
 from cellmap.basins import LiveBasins, LiveFrame
 
 LINE = CellGrid((-2.0,), (2.0,), (101,))

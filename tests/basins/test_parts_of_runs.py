@@ -12,16 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cellmap import (
-    CellGrid,
-    Label,
-    angle,
-    certify,
-    discrete_map,
-    find_attractors,
-    find_basins,
-    interpolated_map,
-)
+from cellmap import CellGrid, Label, angle, certify, discrete_map, find_attractors, find_basins, interpolated_map
 from cellmap.basins import Evidence, UnsettledWarning, continue_basins, refine_basins
 from cellmap.basins.certification import certified_labels
 from cellmap.basins.continuation import _outermost, _seeds

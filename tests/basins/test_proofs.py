@@ -6,11 +6,13 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
+from mpmath import iv
 
 import cellmap
 from cellmap import CellGrid, angle, certify, discrete_map, find_basins, interpolated_map
 from cellmap.basins import Evidence, Proof, prove
 from cellmap.basins.proofs import orbits_of_sets, passes
+from cellmap.basins.proofs.checking import _inverse, _matrix
 from cellmap.basins.proofs.regions import ProvedCells, Region, alike
 
 NO_ANGLES = (False, False)
@@ -76,6 +78,8 @@ def test_another_program_confirms(proof):
     lie = ProvedCells(proof.cells.region, proof.cells.labels, np.zeros_like(proof.cells.ranks))
     false = Proof(proof.basins, proof.attractors, lie, {}, 1, 1).check(6)
     assert false.confirmed < 6 and len(false.unconfirmed) == 6 - false.confirmed
+    inverse = _inverse(iv, _matrix(iv, np.array([[1.0, 2.0, 0.0], [3.0, 4.0, 1.0], [0.0, 1.0, 5.0]])))
+    assert float(inverse[0][0].mid) == pytest.approx(-19 / 11) and float(inverse[2][1].mid) == pytest.approx(1 / 11)
 
 
 def test_rotating_solutions_on_the_circle():
@@ -192,7 +196,8 @@ def test_certificates_take_no_proof_of_another_map():
         return find_basins(icm, CellGrid((-1.5,), (1.5,), (50,)))
 
     mine, others = basins(1.0), basins(-1.0)
-    assert certify(mine, proof=prove(mine, splits=0)).evidence.max() == Evidence.PROVED
+    for proof in (prove(mine, splits=0), prove(mine, splits=0, parameters={"a": (1.4, 1.4)})):
+        assert certify(mine, proof=proof).evidence.max() == Evidence.PROVED
     for proof in (prove(others, splits=0), prove(mine, splits=0, parameters={"a": (1.45, 1.46)})):
         with pytest.raises(ValueError, match="other basins"):
             certify(mine, proof=proof)

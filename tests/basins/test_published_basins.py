@@ -9,13 +9,7 @@ import pytest
 from known_basins import DUFFING, GOY, circle_grid, counts, fractions
 
 import systems
-from cellmap import (
-    CellGrid,
-    Label,
-    find_basins,
-    interpolated_map,
-    stroboscopic_map,
-)
+from cellmap import CellGrid, Label, find_basins, interpolated_map, stroboscopic_map
 from cellmap.maps.coordinates import difference
 from cellmap.orbits import Kind
 

@@ -168,7 +168,7 @@ def errors_and_bounds(rng: np.random.Generator, made: dict, order: int, toleranc
 @pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 @pytest.mark.parametrize("order", ORDERS)
 def test_errors_stay_below_the_bounds_of_certificates(order):
-    rng, made = np.random.default_rng(order), maps_with_attractors(descent, relaxation)
+    rng, made = np.random.default_rng(order), maps_with_attractors(descent, folds)
     assert 0.2 < max(errors_and_bounds(rng, made, order, COARSE) for _ in range(10)) < 1.0
 
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from math import cos, pi, sin
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from cellmap import (
     Basins,
@@ -155,24 +153,3 @@ def test_500_random_oscillators() -> None:
     assert same + undecided + allowed + wrong == 500 * 144
     assert undecided + allowed < 0.04 * 500 * 144
     assert wrong < 1e-4 * 500 * 144
-
-
-@pytest.mark.thorough
-def test_rotating_orbits_on_an_invariant_circle_by_scipy():
-    """A torque keeps pendulums rotating: the orbits of SciPy come to the circle, and turn as fast."""
-    strobe, grid, _ = drawn(15)
-    basins = find_basins(strobe, grid, PERIODS)
-    assert [a.kind for a in basins.attractors] == [Kind.FIXED_POINT, Kind.QUASIPERIODIC]
-    assert not (basins.labels < 0).any()
-    circle = basins.attractors[1].circle
-    ic = grid.centres().reshape(-1, 2)[np.flatnonzero(basins.labels.ravel() == 1)[0]]
-    times = strobe.period * np.arange(150, 201)
-    orbit = solve_ivp(
-        lambda t, x: pendulum(t, x, SimpleNamespace(**strobe.params)),
-        (0.0, times[-1]), ic, "DOP853", times, rtol=1e-11, atol=1e-11,
-    ).y.T  # fmt: skip
-    curve = circle.points(np.linspace(0.0, 1.0, 2**14), strobe.coordinates)[0]
-    apart = np.abs(difference(orbit[:, None], curve, strobe.coordinates)).max(axis=-1).min(axis=-1)
-    assert apart.max() < np.abs(difference(curve[1:], curve[:-1], strobe.coordinates)).max()
-    rotations = (orbit[-1, 0] - orbit[0, 0]) / (2 * pi * (len(times) - 1))
-    assert rotations == pytest.approx(circle.rotation_numbers[0], abs=1.0 / (len(times) - 1))

@@ -17,16 +17,7 @@ import pytest
 from known_basins import CONSERVATIVE, duffing, pendulum
 
 import systems
-from cellmap import (
-    Basins,
-    CellGrid,
-    Label,
-    discrete_map,
-    find_basins,
-    interpolated_map,
-    load_basins,
-    set_threads,
-)
+from cellmap import Basins, CellGrid, Label, discrete_map, find_basins, interpolated_map, load_basins, set_threads
 from cellmap.basins import refine_basins
 from cellmap.basins.strides import strided_tiles
 

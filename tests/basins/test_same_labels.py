@@ -25,10 +25,7 @@ from cellmap import (
 # Initial conditions of more than one tile each.
 DETERMINISTIC = {
     "pendulum": (pendulum, circle_grid(500.0, 130)),
-    "table": (
-        lambda: interpolated_map(pendulum(), circle_grid(300.0, 64), outside="escape"),
-        circle_grid(300.0, 130),
-    ),
+    "table": (lambda: interpolated_map(pendulum(), circle_grid(300.0, 64), outside="escape"), circle_grid(300.0, 130)),
     "Henon": (systems.henon_map, CellGrid((-2.0, -2.0), (2.0, 2.0), (130, 130))),
 }
 

@@ -154,14 +154,6 @@ class TestChains:
             assert measure.sum() == pytest.approx(1.0)
             np.testing.assert_allclose(measure @ dense[np.ix_(states, states)], measure, atol=1e-10)
 
-    def test_invariant_measure_of_many_states_with_a_period(self):
-        """A ring of 5000 states that all go one step on: uniform, with the period 5000."""
-        n = 5000
-        matrix = csr_array((np.ones(n), (np.arange(n), (np.arange(n) + 1) % n)), shape=(n, n))
-        assert invariant_measure(matrix, np.arange(n)) == pytest.approx(1.0 / n)
-        components = components_of(matrix)
-        assert periods_of(matrix, components, np.array([0])).tolist() == [n]
-
     def test_an_invariant_measure_that_no_solver_finds_is_told(self, monkeypatch):
         """A walk between two walls that tends to the left is geometric: by elimination, by an eigensolver, by neither.
 

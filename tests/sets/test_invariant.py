@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from math import log, sqrt
+from math import log
 
 import numpy as np
 import pytest
 from maps_of_cells import AWAY, HENON, SADDLE
 
-from cellmap import CellGrid, angle, discrete_map, periodic_orbit
+from cellmap import CellGrid, discrete_map, find_attractors, find_basins, periodic_orbit
+from cellmap.maps import flow_map
 from cellmap.sets import (
     BoxSet,
     box_ftle,
     chain_recurrent_set,
+    find_attractors_by_subdivision,
     maximal_invariant_set,
     morse_graph,
     relative_attractor,
     stable_set,
     unstable_set,
 )
+from systems import magnetic_pendulum
 
 WINDOW = CellGrid((-1.03, -1.01), (1.0, 1.02), (1, 1))
 OCCUPIED = {4: 17, 5: 36, 6: 89, 7: 212, 8: 504, 9: 1184, 10: 2775}
@@ -59,22 +62,6 @@ def test_linear_saddle_in_closed_form():
     stable = stable_set(SADDLE, [0.0, 0.0], WINDOW, 7)
     assert stable.contains(np.stack([0 * x, x], axis=1)).all()
     assert np.abs(stable.centres()[:, 0]).max() < 2.5 * grid.widths[0]
-
-
-def test_cat_map_manifolds_fill_the_torus():
-    """The unstable manifold of the origin is dense; a few images of it lie along (golden ratio, 1)."""
-    cat = discrete_map(
-        lambda x, p: (2 * x[0] + x[1], x[0] + x[1]),
-        {},
-        (angle("x", period=1.0, lower=0.0), angle("y", period=1.0, lower=0.0)),
-    )
-    grid = CellGrid((0, 0), (1, 1), (64, 64))
-    golden = (1 + sqrt(5)) / 2
-    along = np.linspace(0.0, 2.0, 4000)[:, None] * np.array([golden, 1.0]) / sqrt(golden**2 + 1)
-    cover = unstable_set(cat, [0.0, 0.0], grid, max_iterations=5)
-    assert cover.contains(along % 1.0).all() and len(cover) < grid.size
-    assert len(unstable_set(cat, [0.0, 0.0], grid)) == grid.size
-    assert len(chain_recurrent_set(cat, CellGrid((0, 0), (1, 1), (2, 2)), 3)) == 256
 
 
 def three_basins(x, p):
@@ -126,3 +113,41 @@ def test_exponents_of_linear_maps():
     largest = np.linalg.norm([[1.0, 5.0], [0.0, 1.0]], 2)
     np.testing.assert_allclose(box_ftle(some, shear, 5), log(largest) / 5, rtol=1e-12)
     np.testing.assert_allclose(box_ftle(some, SADDLE, 7), log(2.5), rtol=1e-12)
+
+
+# --- attractors that a uniform grid of initial conditions misses
+
+CENTRE, SIZE = 0.36, 4e-3
+
+
+def with_a_small_one(x, p):
+    """Attracting at 0 and 1, and at the centre of a notch in the crest between them."""
+    u = x[0]
+    s = (u - CENTRE) / SIZE
+    return (u + 0.01 * u * (1.0 - u) * s * (s * s - 1.0) / (1.0 + s**4) ** 0.75,)
+
+
+def test_attractor_with_a_tiny_basin_is_found():
+    """Its basin is the notch, 0.008 wide, between two nodes of a grid that is 0.028 wide."""
+    point_map = discrete_map(with_a_small_one, {}, ("x",))
+    initial_conditions = CellGrid((-0.2,), (1.2,), (50,))
+    by_grid = find_attractors(point_map, initial_conditions.centres())
+    assert sorted(round(float(a.points[0, 0]), 6) + 0.0 for a in by_grid) == [0.0, 1.0]
+    found = find_attractors_by_subdivision(point_map, CellGrid((-0.2,), (1.2,), (50,)), 8)
+    assert sorted(round(float(a.points[0, 0]), 6) + 0.0 for a in found.attractors) == [0.0, CENTRE, 1.0]
+    assert any(boxes.contains([CENTRE - SIZE]) for boxes in found.saddles)
+    assert any(boxes.contains([CENTRE + SIZE]) for boxes in found.saddles)
+    basins = find_basins(point_map, CellGrid((0.3,), (0.42,), (600,)), attractors=found.attractors)
+    label = [round(float(a.points[0, 0]), 6) for a in basins.attractors].index(CENTRE)
+    assert abs(basins.fractions[label].fraction - 2 * SIZE / 0.12) < 0.01
+
+
+@pytest.mark.thorough
+def test_magnetic_pendulum_in_four_dimensions():
+    """Only boxes near recurrent sets are stored: less than a thousandth of 64^4."""
+    point_map = flow_map(magnetic_pendulum(), 2.0, rtol=1e-6, atol=1e-6)
+    window = CellGrid((-1.6, -1.6, -1.5, -1.5), (1.61, 1.61, 1.52, 1.52), (4,) * 4)
+    found = find_attractors_by_subdivision(point_map, window, 2, samples=2, max_initial_conditions=200)
+    assert len(found.attractors) == 3
+    radii = [float(np.hypot(*a.points[0, :2])) for a in found.attractors]
+    assert np.ptp(radii) < 1e-6 and found.graph.sets[0].grid.size == 16**4

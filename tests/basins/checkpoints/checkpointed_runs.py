@@ -38,12 +38,7 @@ CASES: dict[str, Callable[..., Basins]] = {
     ),
     # The same with multi-period steps, on whose division orbits depend.
     "multi-period steps": lambda **how: find_basins(
-        interpolated_map(
-            CONSERVATIVE,
-            CellGrid((-1, -1), (1, 1), (60, 60)),
-            outside="escape",
-            max_step=8,
-        ),
+        interpolated_map(CONSERVATIVE, CellGrid((-1, -1), (1, 1), (60, 60)), outside="escape", max_step=8),
         CellGrid((-0.6, -0.6), (0.6, 0.6), (70, 65)),
         520,
         **how,

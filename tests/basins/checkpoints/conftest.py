@@ -8,21 +8,14 @@ from pathlib import Path
 
 import pytest
 from checkpointed_runs import CASES, TILE
+from known_basins import Made
 
-from cellmap import Basins
 from cellmap.basins.sweeps import Progress
-
-
-class Made(dict[str, Basins]):
-    """Basins that are found when they are asked for."""
-
-    def __missing__(self, name: str) -> Basins:
-        return self.setdefault(name, CASES[name]())
 
 
 @pytest.fixture(scope="session")
 def plain() -> Made:
-    return Made()
+    return Made(CASES)
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 from interrupted_files import make_files
+from known_basins import Made
 from stored_basins import CASES
 
-from cellmap import Basins, save_basins
+from cellmap import save_basins
 
 
 @pytest.fixture(scope="session")
@@ -18,16 +19,9 @@ def files(tmp_path_factory) -> Path:
     return folder
 
 
-class Made(dict[str, Basins]):
-    """Basins that are found when they are asked for."""
-
-    def __missing__(self, name: str) -> Basins:
-        return self.setdefault(name, CASES[name]())
-
-
 @pytest.fixture(scope="session")
 def made() -> Made:
-    return Made()
+    return Made(CASES)
 
 
 @pytest.fixture(scope="session")

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import h5py
+import pytest
+from checkpointed_runs import Died, dying
 from known_basins import CONSERVATIVE
 
-import cellmap._lib.checkpoint
+import cellmap
 from cellmap import Basins, CellGrid, discrete_map, find_basins, interpolated_map, load_basins, save_basins
 
 WINDOW = CellGrid((-0.6, -0.6), (0.6, 0.6), (140, 130))  # two tiles
@@ -21,28 +24,11 @@ def halves() -> Basins:
     )
 
 
-class Died(BaseException):
-    """What ends a run in the middle here."""
-
-
 def interrupted(run: Callable[[], Any], tiles: int) -> None:
     """Let a run die after some tiles."""
-    original, left = cellmap._lib.checkpoint.Checkpoint.finish, tiles
-
-    def finish(self: Any, *entry: Any) -> None:
-        nonlocal left
-        if not left:
-            raise Died
-        left -= 1
-        original(self, *entry)
-
-    cellmap._lib.checkpoint.Checkpoint.finish = finish
-    try:
+    with pytest.MonkeyPatch.context() as patch, suppress(Died):
+        dying(patch, tiles, False)
         run()
-    except Died:
-        pass
-    finally:
-        cellmap._lib.checkpoint.Checkpoint.finish = original
 
 
 READERS: dict[str, Callable[[Path], bytes]] = {

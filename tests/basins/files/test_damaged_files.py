@@ -72,8 +72,10 @@ def campaign(folder: Path, files: Path, count: int, seed: int) -> None:
 
 
 def run_campaign(folder: Path, files: Path, count: int) -> int:
+    here = Path(__file__).parent
     program = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); from pathlib import Path\n"
+        f"import sys; sys.path[:0] = {[str(here), str(here.parent), str(here.parent / 'checkpoints')]!r}\n"
+        "from pathlib import Path\n"
         "from test_damaged_files import campaign\n"
         f"campaign(Path({str(folder)!r}), Path({str(files)!r}), {count}, 0)"
     )

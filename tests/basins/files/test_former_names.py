@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from interrupted_files import READERS, halves
 
-from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, load_basins, save_basins
+from cellmap import CellGrid, discrete_map, find_basins, load_basins, save_basins
 from cellmap._lib.sealed import get_mapping, put_text, seal
 from cellmap.attractors.examined import Examined
 from cellmap.basins import recompute_basins
@@ -77,23 +77,8 @@ def test_what_was_tried_comes_back_with_its_lines(count: int, tmp_path: Path) ->
 def test_an_older_argument_is_accepted_with_a_warning() -> None:
     point_map, grid = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",)), CellGrid((-1,), (1,), (10,))
     old: dict[str, Any] = {"max_period": 4}
-    with pytest.warns(
-        DeprecationWarning, match=r"max_period is called longest_period since .*longest_period=4"
-    ) as found:
+    message = "max_period is called longest_period since .*longest_period=4"
+    with pytest.warns(DeprecationWarning, match=message) as found:
         basins = find_basins(point_map, grid, **old)
     assert basins.settings["longest_period"] == 4
     assert found[0].filename == __file__
-    with (
-        pytest.warns(DeprecationWarning),
-        pytest.raises(TypeError, match=r"longest_period='many': give a whole number"),
-    ):
-        find_basins(point_map, grid, **{"max_period": "many"})
-    with pytest.raises(TypeError, match="max_periode"):
-        find_basins(point_map, grid, **{"max_periode": 4})
-
-
-def test_the_older_name_of_fallback_cells() -> None:
-    table = interpolated_map(discrete_map(lambda x, p: (abs(x[0]),), {}, ("x",)), CellGrid((-1.03,), (1,), (50,))).table
-    assert table is not None
-    with pytest.warns(DeprecationWarning, match="fallback"):
-        assert table.rough is table.fallback
