@@ -34,7 +34,7 @@ def henon() -> PointMap:
     [
         (two_wells, CellGrid((-2, -2), (2, 2), (30, 30)), 100, 20),
         (pendulum, CellGrid((-pi, -40), (pi, 40), (20, 20)), 600, 20),
-        (henon, CellGrid((-2, -2), (2, 2), (120, 120)), 1000, 200),
+        pytest.param(henon, CellGrid((-2, -2), (2, 2), (120, 120)), 1000, 200, marks=pytest.mark.thorough),
     ],
 )
 def test_the_partition_is_that_of_verified_basins(build: Any, window: CellGrid, transient: int, periods: int) -> None:

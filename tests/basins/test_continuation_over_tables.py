@@ -108,6 +108,7 @@ def test_what_a_parameter_does_between_the_nodes_of_tables() -> None:
     assert (sweep.audited[tilted, 0] == 0).all()
 
 
+@pytest.mark.thorough
 def test_an_audit_that_finds_a_difference_has_all_labels_found_again(monkeypatch, sweep) -> None:
     before = continuation_states.StatesOverParameter.at
 

@@ -105,6 +105,7 @@ def test_a_remedy_that_was_tried_led_to_an_attractor():
         find_basins(exact, GRID)
 
 
+@pytest.mark.thorough
 def test_a_tiny_region_is_not_taken_for_growth(recwarn):
     """Orbits that come out of a region of 1e-9 to an attractor of size 1 grow, but not for ever."""
     rhs = ForcedSystem(lambda t, x, p: (x[0] - x[0] ** 3,), {}, 0.02, ("x",))

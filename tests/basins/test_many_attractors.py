@@ -70,6 +70,7 @@ def test_each_cell_has_the_label_of_its_whole_number(basins, staircase):
     assert (some.labels == NUMBER - 1).all()
 
 
+@pytest.mark.thorough
 def test_files_and_labelled_arrays_keep_them(basins, staircase, origin, tmp_path):
     save_basins(basins, tmp_path / "basins.h5")
     assert np.array_equal(load_basins(tmp_path / "basins.h5").labels, basins.labels)

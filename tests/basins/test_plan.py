@@ -219,7 +219,7 @@ GRIDS = {
 }
 
 
-@pytest.fixture(scope="module", params=GRIDS)
+@pytest.fixture(scope="module", params=["discrete", pytest.param("pendulum", marks=pytest.mark.thorough)])
 def planned(request):
     make, grid = GRIDS[request.param]
     return plan(make(), grid, accuracy=1e-6)

@@ -34,7 +34,7 @@ def damped(x, p):
 
 @pytest.fixture(scope="module")
 def roots():
-    return find_basins(discrete_map(newton, {}, ("x", "y")), CellGrid((-2, -2), (2, 2), (160, 160)))
+    return find_basins(discrete_map(newton, {}, ("x", "y")), CellGrid((-2, -2), (2, 2), (120, 120)))
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,19 @@
-"""Basins with published or independently recomputed numbers (REFERENCES.md)."""
+"""Basins with published or independently recomputed numbers (REFERENCES.md), and pictures of them.
+
+Each smooth picture equals, cell by cell, the labels of `tests/reference/basin_images.py`: a plain RK4 with 256 steps a
+period (Henon: the map in NumPy).  ``pytest --update-reference`` redraws those in tests/reference/ on purpose.
+"""
 
 from __future__ import annotations
 
+import runpy
 from math import pi
+from pathlib import Path
 
 import numpy as np
 import pytest
 from known_basins import DUFFING, GOY, circle_grid, counts, fractions
+from PIL import Image
 
 import systems
 from cellmap import CellGrid, Label, find_basins, interpolated_map, stroboscopic_map
@@ -154,3 +161,67 @@ def test_fractions_do_not_depend_on_the_tolerance_where_the_boundary_is_fractal(
     rough, fine = (find_basins(stroboscopic_map(system, rtol=t, atol=t), grid) for t in (1e-8, 1e-12))
     assert (rough.labels != fine.labels).any()
     assert fractions(rough) == pytest.approx(fractions(fine), abs=0.003)
+
+
+# --- pictures
+
+REFERENCE = Path(__file__).parents[1] / "reference"
+CODES = {Label.ESCAPED: 253, Label.DIVERGED: 254, Label.UNDECIDED: 255}
+PALETTE = {
+    **dict(enumerate([(0, 114, 178), (230, 159, 0), (0, 158, 115), (204, 121, 167), (86, 180, 233), (213, 94, 0)])),
+    CODES[Label.ESCAPED]: (184, 184, 184),
+    CODES[Label.DIVERGED]: (115, 115, 115),
+    CODES[Label.UNDECIDED]: (0, 0, 0),
+}
+MILLIMETRES = {n: stroboscopic_map(systems.driven_pendulum(amplitude=1e-3 * n)) for n in (3, 10)}
+# Where a boundary is smooth, one cell in a thousand may lie on it to the last digit; where it is fractal, cells near it
+# depend on the last digits.
+PICTURES = {
+    "pendulum_3mm": (lambda: MILLIMETRES[3], circle_grid(100.0, 80), 0.001),
+    "pendulum_3mm_wide": (lambda: MILLIMETRES[3], circle_grid(500.0, 100), 0.001),
+    "pendulum_3mm_table": (
+        lambda: interpolated_map(MILLIMETRES[3], circle_grid(100.0, 128), outside="escape"),
+        circle_grid(100.0, 80),
+        0.001,
+    ),
+    "pendulum_10mm": (lambda: MILLIMETRES[10], circle_grid(100.0, 80), 0.02),
+    "inverted": (lambda: stroboscopic_map(INVERTED), circle_grid(4.0, 80), 0.001),
+    "duffing": (lambda: DUFFING, CellGrid((-2.2, -2.2), (2.2, 2.2), (80, 80)), 0.1),
+    "henon": (systems.henon_map, CellGrid((-2.0, -2.0), (2.0, 2.0), (100, 100)), 0.001),
+}
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_basins_look_as_before(name, request, tmp_path):
+    """Where single cells may differ, the fractions of the colours may not, by more than 1.5 points on so few cells."""
+    make, grid, allowed = PICTURES[name]
+    labels = find_basins(make(), grid).labels.astype(int)
+    numbers = np.select([labels == code for code in CODES], list(CODES.values()), labels)
+    picture = Image.fromarray(np.ascontiguousarray(numbers.T[::-1].astype(np.uint8)))  # the second axis upwards
+    picture.putpalette([c for k in range(256) for c in PALETTE.get(k, (255, 255, 255))])
+    new, reference = tmp_path / f"{name}.png", REFERENCE / f"{name}.png"
+    picture.save(new, optimize=True)
+    if request.config.getoption("--update-reference"):
+        reference.write_bytes(new.read_bytes())
+        pytest.skip(f"{reference} is redrawn")
+    with Image.open(reference) as other:
+        assert other.mode == "P" and reference.stat().st_size < 8000
+        ours, theirs = np.array(picture), np.array(other)
+    assert (ours != theirs).mean() <= allowed, f"if {new} is right, redraw the reference with pytest --update-reference"
+    for colour in np.union1d(ours, theirs):
+        assert (ours == colour).mean() == pytest.approx((theirs == colour).mean(), abs=0.015)
+
+
+def test_pictures_are_all_in_use_and_those_of_an_independent_program():
+    assert {path.stem for path in REFERENCE.glob("*.png")} == {*PICTURES}
+    differing = runpy.run_path(str(REFERENCE / "basin_images.py"))["differing"]
+    assert [differing("henon", every=1), differing("pendulum_3mm_table", every=61)] == [0.0, 0.0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PICTURES)
+def test_every_cell_of_a_picture_is_that_of_an_independent_program(name):
+    allowed = PICTURES[name][2]
+    assert runpy.run_path(str(REFERENCE / "basin_images.py"))["differing"](name) <= (
+        allowed if allowed > 0.001 else 0.0
+    )

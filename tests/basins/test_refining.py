@@ -24,7 +24,7 @@ from cellmap.basins.strides import strided_tiles
 WINDOW = CellGrid((-2.2, -2.2), (2.2, 2.2), (150, 90))
 LEAST = CellGrid((-0.6, -0.6), (0.6, 0.6), (40, 35))
 TABLE = CellGrid((-2.5, -2.5), (2.5, 2.5), (96, 96))
-THOROUGH = ("table", "chaotic", "multi-period steps")
+THOROUGH = ("table", "undecided", "chaotic", "multi-period steps")
 CASES = {
     "two wells": (duffing, WINDOW, 2000),
     "table": (lambda: interpolated_map(duffing(), TABLE, tolerance=1e-2), WINDOW, 2000),

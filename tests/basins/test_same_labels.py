@@ -19,7 +19,6 @@ from cellmap import (
     find_basins,
     interpolated_map,
     set_threads,
-    stroboscopic_map,
 )
 
 # Initial conditions of more than one tile each.
@@ -59,16 +58,6 @@ def test_labels_do_not_depend_on_the_order_of_initial_conditions(repeated):
     shuffled = find_basins(straight.point_map, initial_conditions[order], max_periods=500)
     assert [a.name for a in shuffled.attractors] == [a.name for a in straight.attractors]
     assert np.array_equal(shuffled.labels, straight.labels[order])
-
-
-def test_grid_and_its_centres_have_the_same_labels():
-    point_map = stroboscopic_map(systems.driven_pendulum())
-    grid = circle_grid(500.0, 40)
-    on_grid, points = find_basins(point_map, grid), find_basins(point_map, grid.centres())
-    assert np.array_equal(on_grid.labels, points.labels)
-    assert (points.grid, on_grid.initial_conditions) == (None, None)
-    assert np.array_equal(points.initial_conditions, grid.centres())
-    assert on_grid.grid.wraps == (True, False)
 
 
 def test_initial_conditions_that_are_settled_are_not_followed_again_for_an_attractor_that_is_found_late():

@@ -69,6 +69,7 @@ def test_formulas_of_flows_tell_symmetries() -> None:
     assert symmetric_groups(other).symmetries == ()
 
 
+@pytest.mark.thorough
 def test_a_symmetry_that_takes_half_a_period() -> None:
     """x(t) to -x(t + T/2) exchanges the wells of Duffing's oscillator."""
     system = two_well_duffing()

@@ -174,7 +174,8 @@ def test_two_chaotic_attractors_given_as_one_are_seen(monkeypatch) -> None:
     assert wrong.verify(100).separate is None
 
 
-@pytest.mark.parametrize("a", [3.6, pytest.param(4.0, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("a", [3.6, 4.0])
+@pytest.mark.thorough
 def test_one_attractor_of_one_or_two_bands_is_not_accused(a: float) -> None:
     """The two bands at 3.6 are visited in turn (Grossmann and Thomae 1977); at 4 the density is that of Ulam (1947)."""
     basins = find_basins(LOGISTIC.with_params(a=a), CellGrid((0.01,), (0.99,), (100,)), max_periods=500)
