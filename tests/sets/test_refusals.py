@@ -64,6 +64,8 @@ REFUSED = {
     "one for each axis": lambda: chain(HALVES, (5, 5)),
     "samples=.* at least 1": lambda: chain(HALVES, (0,)),
     "samples=.*at most": lambda: chain(HALVES, 10**6),
+    "samples=0: .*at least 1": lambda: chain(HALVES, 0),
+    "at most .* points of a cell": lambda: chain(HALVES, (10**6,)),
     "one standard deviation": lambda: chain(noise=(1.0, 1.0)),
     r"noise returned the shape \(25,\)": lambda: chain(noise=lambda rng, n: rng.normal(size=n)),
     "noise returned nan: return finite numbers": lambda: chain(noise=lambda rng, n: np.full((n, 1), np.nan)),
