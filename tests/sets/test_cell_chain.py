@@ -104,6 +104,13 @@ class TestChains:
         np.testing.assert_allclose(values[:, 0], ruin, atol=1e-9)
         np.testing.assert_allclose(values[:, 1], duration, rtol=1e-8, atol=1e-9)
 
+    def test_a_long_game(self):
+        """100,000 coins: sweeps would need 10^10 rounds."""
+        values = absorbed(gambler(100_000, 0.5))
+        z = np.arange(100_002.0)
+        np.testing.assert_allclose(values[:, 0], 1.0 - z / 100_001, atol=1e-10)
+        np.testing.assert_allclose(values[1:-1, 1] / (z * (100_001 - z))[1:-1], 1.0, atol=1e-9)
+
     @pytest.mark.parametrize("leak", [1e-12, 1e-40, 1e-200])
     def test_a_class_that_is_all_but_closed(self, leak):
         """Left with a chance far below rounding; where to, is known nevertheless."""
