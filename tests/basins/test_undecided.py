@@ -103,8 +103,9 @@ def duffing(t, x, p):
 SEVENFOLD = {"a": 0.5, "b": 0.8558269832960217, "d": 0.19161137246192342, "g": 0.10391845296070396}
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("max_periods", [600, 2000])
+@pytest.mark.parametrize(
+    "max_periods", [pytest.param(600, marks=pytest.mark.thorough), pytest.param(2000, marks=pytest.mark.slow)]
+)
 def test_two_wells_with_long_transients(max_periods, sweeps) -> None:
     """Two attractors of seven bands each; along both the largest exponent is 0.083 (2,000 periods, six orbits)."""
     w = 0.7992158982633143
@@ -224,7 +225,7 @@ def test_a_sink_far_away_from_a_tiny_window() -> None:
     assert np.abs(sink.multipliers) == pytest.approx([0.6102601397] * 2, abs=1e-9)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_sinks_of_a_tiny_window_are_listed_once(sweeps) -> None:
     """Around the repelling fixed point at 0 a 60 x 60 window reaches 24 sinks, all at odd multiples of pi."""
     basins = find_basins(SINKS, CellGrid((-TINY, -TINY), (TINY, TINY), (60, 60)))

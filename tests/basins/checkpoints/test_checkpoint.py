@@ -63,7 +63,9 @@ QUICK = {("small basins", 1, True), ("one pass", 5, False), ("chaotic", 1, True)
 @pytest.mark.parametrize(
     ("name", "moment", "torn"),
     [
-        pytest.param(*case, marks=[] if case in QUICK else pytest.mark.thorough)
+        pytest.param(
+            *case, marks=[] if case in QUICK else pytest.mark.thorough if case[1] in (1, 5) else pytest.mark.slow
+        )
         for case in product(CASES, (1, 5, 0, 2, 4), (True, False))
         if case[2] == (case[1] == 1)
     ],

@@ -92,9 +92,13 @@ def interrupt_at(tmp_path: Path, moment: str, number: int) -> tuple[int, str]:
     return process.returncode, output + errors
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("moment", "number"), [*((m, signal.SIGKILL) for m in MOMENTS), *((m, signal.SIGINT) for m in list(MOMENTS)[::3])]
+    ("moment", "number"),
+    [
+        pytest.param(m, number, marks=pytest.mark.thorough if m == "during a later pass" else pytest.mark.slow)
+        for m in MOMENTS
+        for number in (signal.SIGKILL, signal.SIGINT)
+    ],
 )
 def test_killed_without_mercy_or_interrupted_from_the_keyboard(moment, number, undisturbed, tmp_path):
     returned, output = interrupt_at(tmp_path, moment, number)
