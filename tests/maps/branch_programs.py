@@ -325,84 +325,72 @@ class _Writer:
         kind = int(self.rng.integers(13)) if room > 2 else int(self.rng.integers(7, 13)) if room > 1 else 9
         lines: list[Text] = []
 
-        def line(plain: str, asked: str | None = None) -> None:
-            lines.append((plain, plain if asked is None else asked))
+        def line(text: str, *parts: Text) -> None:
+            """Write a line, each of whose gaps is filled as a user would and with questions."""
+            lines.append((text.format(*(p for p, _ in parts)), text.format(*(q for _, q in parts))))
 
-        def assign(condition: Text) -> None:
-            lines.append((f"{name} = {a} if {condition[0]} else {b}", f"{name} = {a} if {condition[1]} else {b}"))
+        def pick(plain: str, value: str, yes: str, no: str) -> None:
+            line(f"{name} = {{}}", (plain, f"d.pick({self.question()}, {value}, {yes}, {no})"))
 
         match kind:
             case 0:
-                for word in ("if", "elif"):
-                    plain, asked = self.condition()
-                    line(f"{word} {plain}:", f"{word} {asked}:")
-                    line(f"    {name} = {a if word == 'if' else b}")
+                for word, value in (("if", a), ("elif", b)):
+                    line(f"{word} {{}}:", self.condition())
+                    line(f"    {name} = {value}")
                 line("else:")
                 line(f"    {name} = {c}")
             case 1:
-                plain, asked = self.condition()
-                line(f"if {plain}:", f"if {asked}:")
+                line("if {}:", self.condition())
                 inner = self.condition() if self.rng.random() < 0.5 else self.within()
                 line(f"    {name} = {a}")
-                line(f"    if {inner[0]}:", f"    if {inner[1]}:")
+                line("    if {}:", inner)
                 line(f"        {name} = {name} + {b}")
                 line("else:")
                 line(f"    {name} = {c}")
             case 2:
-                (p, q), (r, s) = self.condition(), self.condition()
-                line(f"{name} = ({p}) * ({a}) + ({r}) * ({b})", f"{name} = ({q}) * ({a}) + ({s}) * ({b})")
+                line(f"{name} = ({{}}) * ({a}) + ({{}}) * ({b})", self.condition(), self.condition())
             case 3:
-                (p, q), (r, s) = self.condition(), self.condition()
-                line(f"{name} = ({p}) * ({r}) * ({a})", f"{name} = ({q}) * ({s}) * ({a})")
+                line(f"{name} = ({{}}) * ({{}}) * ({a})", self.condition(), self.condition())
             case 4:
                 level, low, high = self.level(), self.number(-0.8, -0.2), self.number(0.2, 0.8)
-                k, m = self.question(), self.question()
-                high_or_level = f"d.pick({k}, {level} - {high}, {high}, d.pick({m}, {level} - {low}, {level}, {low}))"
-                line(f"{name} = np.clip({level}, {low}, {high})", f"{name} = {high_or_level}")
+                outer, inner_question = self.question(), self.question()
+                inside = f"d.pick({inner_question}, {level} - {low}, {level}, {low})"
+                clipped = f"d.pick({outer}, {level} - {high}, {high}, {inside})"
+                line(f"{name} = {{}}", (f"np.clip({level}, {low}, {high})", clipped))
             case 5:
-                (p, q), (r, s) = self.within(), self.condition()
-                line(
-                    f"{name} = {a} if {p} else ({b} if {r} else {c})", f"{name} = {a} if {q} else ({b} if {s} else {c})"
-                )
+                line(f"{name} = {a} if {{}} else ({b} if {{}} else {c})", self.within(), self.condition())
             case 6 | 7:
-                assign(self.joined())
+                line(f"{name} = {a} if {{}} else {b}", self.joined())
             case 8:
-                assign(self.within())
+                line(f"{name} = {a} if {{}} else {b}", self.within())
             case 9:
-                plain, asked = self.condition()
+                condition = self.condition()
                 line(f"{name} = {a}")
-                line(f"if {plain}:", f"if {asked}:")
+                line("if {}:", condition)
                 line(f"    {name} = {name} - {b}")
             case 10:
                 level, k, w = self.level(), self.question(), self.one_of("floor", "round", "mod")
-                scale = self.number(0.8, 1.6)
-                scaled = f"{scale} * ({level})"
-                match w:
-                    case "floor":
-                        line(f"{name} = 0.3 * floor({scaled})", f"{name} = 0.3 * d.whole({k}, {scaled})")
-                    case "round":
-                        line(f"{name} = 0.3 * round({scaled})", f"{name} = 0.3 * d.whole({k}, {scaled} + 0.5)")
-                    case "mod":
-                        line(f"{name} = ({scaled}) % 0.7", f"{name} = {scaled} - 0.7 * d.whole({k}, ({scaled}) / 0.7)")
+                scaled = f"{self.number(0.8, 1.6)} * ({level})"
+                whole = {"floor": scaled, "round": f"{scaled} + 0.5", "mod": f"({scaled}) / 0.7"}[w]
+                if w == "mod":
+                    line(f"{name} = {{}}", (f"({scaled}) % 0.7", f"{scaled} - 0.7 * d.whole({k}, {whole})"))
+                else:
+                    line(f"{name} = 0.3 * {{}}", (f"{w}({scaled})", f"d.whole({k}, {whole})"))
             case 11:
-                level, k, w = self.level(), self.question(), self.one_of("abs", "max", "min", "sign", "where")
-                match w:
+                level = self.level()
+                match self.one_of("abs", "max", "min", "sign", "where"):
                     case "abs":
-                        line(f"{name} = abs({level})", f"{name} = d.pick({k}, {level}, {level}, -({level}))")
+                        pick(f"abs({level})", level, level, f"-({level})")
                     case "max":
-                        line(f"{name} = max({level}, {a})", f"{name} = d.pick({k}, {level} - ({a}), {level}, {a})")
+                        pick(f"max({level}, {a})", f"{level} - ({a})", level, a)
                     case "min":
-                        line(f"{name} = min({level}, {a})", f"{name} = d.pick({k}, {level} - ({a}), {a}, {level})")
+                        pick(f"min({level}, {a})", f"{level} - ({a})", a, level)
                     case "sign":
-                        line(f"{name} = 0.4 * np.sign({level})", f"{name} = d.pick({k}, {level}, 0.4, -0.4)")
+                        pick(f"0.4 * np.sign({level})", level, "0.4", "-0.4")
                     case "where":
-                        line(
-                            f"{name} = np.where({level} > 0.1, {a}, {b})",
-                            f"{name} = d.pick({k}, {level} - 0.1, {a}, {b})",
-                        )
+                        pick(f"np.where({level} > 0.1, {a}, {b})", f"{level} - 0.1", a, b)
             case 12:
-                plain, asked = self.condition()
-                line(f"{name} = ({plain}) * ({a})", f"{name} = ({asked}) * ({a})")
+                line(f"{name} = ({{}}) * ({a})", self.condition())
         self.named += 1
         return lines
 

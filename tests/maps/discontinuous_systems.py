@@ -239,17 +239,9 @@ SLOW_CASES: dict[str, tuple[Callable[[], ForcedSystem], tuple[float, ...]]] = {
         lambda: with_effects(Gravity(9.8), DryFriction(2.0), ViscousDamping(0.2), QuadraticDrag(0.3), DRIVE),
         (pi, 8.0),
     ),
-    "square wave": (
-        lambda: with_effects(Gravity(9.8), DryFriction(2.0), SquareDrive(10.0, 1.0, phase=0.3)),
-        (pi, 8.0),
-    ),
-    "double pendulum, weak": (lambda: double_pendulum(friction=20.0, damping=5.0), (pi, pi, 30.0, 30.0)),
+    "square wave": (lambda: with_effects(Gravity(9.8), DryFriction(2.0), SquareDrive(10.0, 1.0, phase=0.3)), (pi, 8.0)),
     "double pendulum": (lambda: double_pendulum(friction=600.0, damping=5.0), (pi, pi, 30.0, 30.0)),
     "double pendulum, often stuck": (lambda: double_pendulum(friction=3000.0, damping=5.0), (pi, pi, 30.0, 30.0)),
-    "double pendulum, heavy tip": (
-        lambda: double_pendulum(friction=600.0, damping=5.0, mass_2=50.0),
-        (pi, pi, 30.0, 30.0),
-    ),
     "double pendulum, light tip": (
         lambda: double_pendulum(friction=600.0, damping=5.0, mass_2=1e-3),
         (pi, pi, 30.0, 30.0),

@@ -6,13 +6,7 @@ from math import cos, exp, fabs, floor, pi, sin, sqrt
 
 import numpy as np
 
-from cellmap import (
-    CellGrid,
-    PointMap,
-    angle,
-    discrete_map,
-    interpolated_map,
-)
+from cellmap import CellGrid, PointMap, angle, discrete_map, interpolated_map
 
 ORDERS = (1, 3, 5)
 COARSE = 1e6  # a tolerance that leaves no cell to the exact map

@@ -49,6 +49,7 @@ for system in systems:
 """
 
 
+@pytest.mark.thorough
 def test_indices_of_switches_and_impacts(capsys: pytest.CaptureFixture[str]) -> None:
     """A check that fails ends the process; those that hold change no bit."""
     environment = {**os.environ, "CELLMAP_BOUNDS_CHECK": "1"}

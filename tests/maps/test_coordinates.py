@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from math import inf, nan, nextafter, pi, ulp
-from typing import Any
+import math
+from math import nextafter, pi, ulp
 
 import numpy as np
 import pytest
@@ -100,6 +100,13 @@ def test_states_whose_angle_has_no_phase_are_refused(x: float) -> None:
     with pytest.raises(ValueError, match=r"grid lies .* periods away from 0 in theta"):
         CellGrid((2.0**57, 0.0), (2.0**57 + 32.0, 1.0), (1, 1)).on((angle("theta", period=100.0), Coordinate("v")))
     assert state_points("points", [[1e15, 0.0]], (angle("theta"), Coordinate("v"))).tolist() == [[1e15, 0.0]]
+    behind = (angle("theta"), Coordinate("v"), angle("b", period=1.0))
+    with pytest.raises(ValueError, match=r"points\[1, 2\]=.*an angle has no phase"):
+        state_points("points", [[0.0, 0.0, 0.0], [0.0, 0.0, x]], behind)
+    far = math.copysign(1e15, x)
+    ends = sorted((far, far * (1.0 - 5e-16)))
+    with pytest.raises(ValueError, match="periods away from 0 in b"):
+        CellGrid((0.0, 0.0, ends[0]), (1.0, 1.0, ends[1]), (2, 2, 2)).on(behind)
 
 
 @pytest.mark.parametrize("far", [1e16, -1e16, 1e99])
@@ -147,31 +154,6 @@ def test_names_become_coordinates() -> None:
     assert as_coordinates(c for c in "xy") == (Coordinate("x"), Coordinate("y"))
     assert [str(c) for c in (theta, Coordinate("v", "m/s"), Coordinate("q"))] == ["theta (rad)", "v (m/s)", "q"]
     assert theta.is_angle and not Coordinate("q").is_angle
-
-
-@pytest.mark.parametrize("given_names", [(), ("x", "x"), ("x", angle("x"))])
-def test_each_variable_needs_its_own_name(given_names: Any) -> None:
-    with pytest.raises(ValueError, match="one different name for each state variable"):
-        as_coordinates(given_names)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"name": ""}, "name='': a coordinate needs a name"),
-        ({"name": 3}, "name=3: a coordinate needs a name"),
-        ({"name": "x", "lower": 0.0}, "lower=0.0: only an angle has a branch cut"),
-        ({"name": "x", "period": 0.0}, "period=0.0: the period of an angle is a positive number"),
-        ({"name": "x", "period": -1.0}, "period=-1.0: the period of an angle is a positive number"),
-        ({"name": "x", "period": inf}, "period=inf: the period of an angle is a positive number"),
-        ({"name": "x", "unit": "deg", "period": 2 * pi}, "unit='deg': an angle in degrees has period=360"),
-        ({"name": "x", "period": nan}, "period=nan: the period of an angle is a positive number"),
-        ({"name": "x", "period": 1.0, "lower": nan}, "lower=nan: the branch cut of an angle is a finite number"),
-    ],
-)
-def test_bad_coordinates_are_refused(arguments: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        Coordinate(**arguments)
 
 
 LINE, UP = np.linspace(-2, 2, 20), np.linspace(-1, 3, 30)

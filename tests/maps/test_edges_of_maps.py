@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import asdict
 from math import cos, log, pi, sin
 from types import SimpleNamespace
@@ -10,38 +9,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cellmap import CellGrid, ForcedSystem, Status, angle, discrete_map, interpolated_map, stroboscopic_map
-from cellmap.maps import Impact, grazing_distance, inverse_stroboscopic_map, swept_map
-from cellmap.maps.coordinates import in_turn, state_points
+from cellmap import CellGrid, ForcedSystem, Status, discrete_map, interpolated_map, stroboscopic_map
+from cellmap.maps import grazing_distance, inverse_stroboscopic_map, section_map, swept_map
+from cellmap.maps.coordinates import in_turn
 from cellmap.maps.fingerprint import fingerprint
 from cellmap.maps.formulas import formulas
 from cellmap.maps.interpolation import table_making
 from cellmap.maps.misread import lacking
 from cellmap.maps.orbit_batch import Cost, Orbits
-from cellmap.maps.reversals import warn_of_reversals
-
-AXES = (angle("a"), "v", angle("b", period=1.0))
-
-
-def turns(number):
-    return [0.0, 0.0, float(number)]
-
-
-def test_angles_have_a_phase_wherever_they_stand():
-    """The last coordinate is an angle behind one that is none; on both sides of 0, in points and in windows."""
-    many = 1e15
-    for far in (many, -many):
-        with pytest.raises(ValueError, match=r"points\[1, 2\]=.*an angle has no phase"):
-            state_points("points", [turns(0), turns(far)], tuple(map(_coordinate, AXES)))
-        ends = sorted((far, far * (1.0 - 5e-16)))
-        window = CellGrid((0.0, 0.0, ends[0]), (1.0, 1.0, ends[1]), (2, 2, 2))
-        with pytest.raises(ValueError, match="periods away from 0 in b"):
-            window.on(tuple(map(_coordinate, AXES)))
-    assert state_points("points", [turns(3), turns(-3)], tuple(map(_coordinate, AXES))).shape == (2, 3)
-
-
-def _coordinate(axis):
-    return discrete_map(lambda x, p: (x[0],), {}, (axis,)).coordinates[0]
 
 
 def test_values_in_the_turn_from_an_edge():
@@ -64,10 +39,12 @@ def test_orbits_without_a_phase_have_diverged():
 def test_distances_to_grazing_have_the_shape_of_the_points():
     """Infinite where there are no surfaces, and so for a swept map."""
     discrete = discrete_map(lambda x, p: (0.5 * x[0], 0.5 * x[1]), {}, ("x", "y"))
-    smooth = stroboscopic_map(ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 1.0, ("q", "v")))
+    free = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 1.0, ("q", "v"))
+    smooth = stroboscopic_map(free)
     swept = swept_map(discrete_map(lambda x, p: (p.a * x[0],), {"a": 0.5}, ("x",)), "a")
     for point_map in (discrete, smooth, swept):
         assert np.array_equal(grazing_distance(point_map, np.zeros((3, 4, 2))), np.full((3, 4), np.inf))
+    assert np.isnan(grazing_distance(section_map(free, ("v", 0.0, -1)), [1.0]))
 
 
 def test_fingerprints_name_the_images_in_sixteen_digits():
@@ -100,13 +77,6 @@ def test_an_inverse_with_parameters_in_the_state():
     np.testing.assert_allclose(found, [[0.5, log(2.0)], [1.0, log(3.0)]], rtol=1e-6)
 
 
-def test_impacts_whose_functions_have_a_domain_are_tried_one_by_one():
-    """log of a negative number in the guard does not keep the reset from being looked at."""
-    outside = Impact(lambda t, x, p: log(x[0] - 5.0), lambda t, x, p: (x[0],))
-    with pytest.raises(ValueError, match=r"impacts\[0\]\.reset returns .*the 2 state variables"):
-        ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 2 * pi, ("q", "v"), impacts=[outside])
-
-
 def test_the_cells_around_those_that_orbits_leave_are_left_to_the_exact_map():
     """Doubling of x in a window: what leaves it in two periods spoils its own cell and one on either side."""
     stretch = discrete_map(lambda x, p: (2.0 * x[0], 0.5 * x[1]), {}, ("x", "y"))
@@ -133,23 +103,6 @@ def test_what_is_lacking_is_said_of_parameters_and_of_modules():
     assert "nothing_like_it" in said and "mass" not in said
 
 
-def test_a_reversed_velocity_is_warned_of_whichever_coordinate_it_is():
-    """The second of three coordinates bends upwards at a wall; a gear that halves a velocity reverses nothing."""
-
-    def rhs(t, x, p):
-        a, b, vb = x
-        if b < p.wall and vb < 0.0:
-            vb = abs(vb)
-        return -a, vb, cos(t) - b
-
-    with pytest.warns(UserWarning, match="reverses a velocity: b changes with vb"):
-        warn_of_reversals(formulas(ForcedSystem(rhs, {"wall": 0.0}, 2 * pi, ("a", "b", "vb"))))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        gears = ForcedSystem(lambda t, x, p: (0.5 * x[1] if x[0] > 0.0 else x[1], -x[0]), {}, 2 * pi, ("q", "v"))
-        warn_of_reversals(formulas(gears))
-
-
 def test_right_hand_sides_at_many_times():
     """Of formulas, of branches on the side where the state is at the time 0, and of what has no formulas."""
     times = np.linspace(0.0, 6.0, 5)
@@ -161,13 +114,6 @@ def test_right_hand_sides_at_many_times():
         known = formulas(ForcedSystem(rhs, {"k": 3.0}, 2 * pi, ("q", "v")))
         found = known.derivatives(times, (0.5, -2.0))
         np.testing.assert_allclose(found, np.stack([np.sin(times) - 2.0, 1.5 * np.cos(times)], axis=1), rtol=1e-14)
-
-
-def test_relative_tolerances_have_a_largest_value():
-    decay = ForcedSystem(lambda t, x, p: (-x[0],), {}, 1.0, ("x",))
-    stroboscopic_map(decay, rtol=0.1, atol=10.0)
-    with pytest.raises(ValueError, match=r"rtol=0\.11"):
-        stroboscopic_map(decay, rtol=0.11)
 
 
 def test_nothing_done_costs_nothing():

@@ -11,17 +11,17 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
-from extended_integration import LONG, extrapolated
-from left_out import rewritten
+from enclosure_witnesses import LONG, extrapolated, rewritten
 from test_enclosures import formula
+from two_tiers import at_once
 
-from cellmap import ForcedSystem, PointMap, angle, set_threads, stroboscopic_map
+from cellmap import ForcedSystem, PointMap, set_threads, stroboscopic_map
 from cellmap._compiled.codegen import enclosing_steps, flow_enclosures, moving_frames, picard
 from cellmap._compiled.codegen.instructions import total
 from cellmap._compiled.codegen.intervals import Interval
 from cellmap._compiled.kernels.parallelepipeds import Sets
 from cellmap.basins.proofs.orbits_of_sets import sets_of
-from cellmap.maps import Impact, enclosed_periods, enclosures, followed_boxes
+from cellmap.maps import enclosed_periods, enclosures, followed_boxes
 from cellmap.maps.enclosures import MeanValueForms, enclosed_images
 
 PARAMETERS = {"g": 0.05, "a": 0.3, "k": 0.7, "w": 1.25}
@@ -107,7 +107,7 @@ def with_second_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(followed_boxes, "_MANY", -1.0)
 
 
-@pytest.mark.parametrize("name", TEXTS)
+@pytest.mark.parametrize("name", at_once(["pendulum", "Duffing"], later=TEXTS))
 def test_points_of_boxes_in_extended_precision(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(1)
     if name == "Duffing":
@@ -118,7 +118,8 @@ def test_points_of_boxes_in_extended_precision(name: str, monkeypatch: pytest.Mo
     assert 0.0 < worst_of(forms, TEXTS[name], centres, halves, rng, PARAMETERS) < 1.0
 
 
-@pytest.mark.parametrize("seed", [0, 2])
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", [0, 2, 4, 6])
 def test_points_of_boxes_in_random_flows(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(enclosed_periods, "_ORDERS", (3,))
     monkeypatch.setattr(enclosed_periods, "_REMAINDER", 0.5)  # so that what series leave out is most of a radius
@@ -131,6 +132,7 @@ def test_points_of_boxes_in_random_flows(seed: int, monkeypatch: pytest.MonkeyPa
     assert forms.proved.any(), text
 
 
+@pytest.mark.thorough
 def test_an_image_to_forty_digits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
     forms = enclosed_images(flow_of(TEXTS["pendulum"]), [[1.0, 0.1]], [0.0, 0.0])
@@ -262,17 +264,6 @@ def test_any_number_of_threads_and_code_compiled_quickly_or_well_give_the_same_b
         assert np.array_equal(forms.derivative_radii, found[0].derivative_radii)
 
 
-def test_systems_without_enclosures_say_why() -> None:
-    def of(rhs: Any, **options: Any) -> PointMap:
-        return stroboscopic_map(ForcedSystem(rhs, {}, 1.0, (angle("x"), "v"), **options))
-
-    with pytest.raises(ValueError, match="a branch is not enclosed"):
-        enclosed_images(of(lambda t, x, p: (x[1], 1.0 if x[1] > 0.0 else -1.0)), [[0.0, 0.0]], [0.1, 0.1])
-    bounces = [Impact(lambda t, x, p: x[1] + 2.0, lambda t, x, p: (x[0], -x[1]))]
-    with pytest.raises(ValueError, match="impacts and switches are not enclosed"):
-        enclosed_images(of(lambda t, x, p: (x[1], -1.0), impacts=bounces), [[0.0, 0.0]], [0.1, 0.1])
-
-
 def zero(value: Any) -> Any:
     return value * 0.0
 
@@ -301,7 +292,7 @@ LEFT_OUT: dict[str, tuple[Any, str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("what", [None, *LEFT_OUT])
+@pytest.mark.parametrize("what", at_once([None], later=LEFT_OUT))
 def test_every_part_of_a_step_is_needed(what: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(enclosed_periods, "_ORDERS", (2,))
     monkeypatch.setattr(enclosed_periods, "_REMAINDER", 100.0)
@@ -330,7 +321,7 @@ SECOND_LEFT_OUT = {
 }
 
 
-@pytest.mark.parametrize("what", [None, *SECOND_LEFT_OUT])
+@pytest.mark.parametrize("what", at_once([None], later=SECOND_LEFT_OUT))
 def test_every_part_of_second_order_is_needed(what: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Points of boxes are outside without it, or solutions that end within the period are said to be enclosed."""
     monkeypatch.setattr(enclosed_periods, "_REMAINDER", 1.0)

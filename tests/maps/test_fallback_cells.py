@@ -8,19 +8,9 @@ import numpy as np
 import pytest
 from maps_to_interpolate import COARSE, NONSMOOTH, ORDERS, errors_at, exact_map, interpolated
 
-from cellmap import (
-    CellGrid,
-    Status,
-    discrete_map,
-    interpolated_map,
-)
+from cellmap import CellGrid, Status, discrete_map, interpolated_map
 
-STEPS = {
-    "kink": (0.1234,),
-    "jump": (-1.0 / 1.7, 0.0, 1.0 / 1.7),
-    "root": (0.4,),
-    "narrow hill": (0.3,),
-}
+STEPS = {"kink": (0.1234,), "jump": (-1.0 / 1.7, 0.0, 1.0 / 1.7), "root": (0.4,), "narrow hill": (0.3,)}
 
 
 @pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
@@ -37,14 +27,6 @@ def test_fallback_cells_are_found_and_evaluated_with_the_exact_map(name, order, 
         assert (
             icm.table.fallback[cells] | icm.table.fallback[cells - 1]
         ).all()  # a jump at a node is in the cell below
-
-
-@pytest.mark.parametrize("order", ORDERS)
-def test_smooth_cells_far_from_a_jump_stay_in_the_table(order):
-    exact = discrete_map(NONSMOOTH["jump"], {}, ("x",))
-    icm = interpolated_map(exact, CellGrid((-1.0,), (1.0,), (400,)), order, tolerance=1e-6)
-    distance = np.abs(icm.table.grid.axis(0)[:, None] - STEPS["jump"]).min(axis=1) / icm.table.grid.widths[0]
-    assert not icm.table.fallback[distance > 20].any()
 
 
 def test_jump_along_a_circle_in_the_plane():

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from two_tiers import at_once
 
-from cellmap import CellGrid, ForcedSystem, continue_orbit, discrete_map, find_basins, stroboscopic_map
+from cellmap import CellGrid, ForcedSystem, continue_orbit, find_basins, stroboscopic_map
 from cellmap.basins import load_basins, save_basins
-from cellmap.maps import Impact, grazing_distance, jacobian, section_map
+from cellmap.maps import Impact, grazing_distance, jacobian
 from cellmap.orbits import periodic_orbit
 
 WALL = Impact(lambda t, x, p: p.gap - x[0], lambda t, x, p: (x[0], -p.e * x[1]))
@@ -94,13 +95,6 @@ def test_surfaces_of_a_discontinuity_count_and_kinks_do_not():
     assert distance(lambda q: 5.0 * (q - 1)) == np.inf
 
 
-def test_maps_without_surfaces():
-    smooth = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 1.0, ("q", "v"))
-    assert grazing_distance(stroboscopic_map(smooth), [[1.0, 0.0]] * 3).tolist() == [np.inf] * 3
-    assert grazing_distance(discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",)), [1.0]) == np.inf
-    assert np.isnan(grazing_distance(section_map(smooth, ("v", 0.0, -1)), [1.0]))
-
-
 # --- branches that end at grazing
 
 
@@ -122,11 +116,13 @@ def struck(impact):
 
 @pytest.mark.parametrize(
     ("impact", "force"),
-    [
-        (AT_ONE, abs(STIFFNESS)),
-        (MOVING, brentq(lambda f: abs(f / STIFFNESS + 0.3j) - 1.0, 0.2, 1.0, xtol=1e-14)),
-        (SLOWED, 0.8 / 0.7 * abs(STIFFNESS)),
-    ],
+    at_once(
+        [(AT_ONE, abs(STIFFNESS))],
+        later=[
+            (MOVING, brentq(lambda f: abs(f / STIFFNESS + 0.3j) - 1.0, 0.2, 1.0, xtol=1e-14)),
+            (SLOWED, 0.8 / 0.7 * abs(STIFFNESS)),
+        ],
+    ),
 )
 def test_a_branch_ends_where_its_orbit_begins_to_touch(impact, force):
     """The linear response, in closed form, reaches a wall, one that moves, and a bound of the velocity."""
@@ -173,7 +169,7 @@ def test_an_orbit_with_a_deep_impact_ends_where_it_comes_to_the_wall_once_more()
     assert max(reached, key=lambda state: state[0]) == pytest.approx([1.0, 0.0], abs=1e-8)
 
 
-@pytest.mark.parametrize("force", [0.3, 1.0])
+@pytest.mark.parametrize("force", at_once([1.0], later=[0.3]))
 def test_branches_on_both_sides_of_the_onset_of_sliding_end_there(force):
     """A belt faster than the mass on it, until the linear response reaches its speed: then the mass sticks to it."""
     system = ForcedSystem(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from math import inf, nan, nextafter, pi
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +11,21 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import cellmap._lib.checks
-from cellmap import CellGrid, Coordinate, angle
+from cellmap import (
+    CellGrid,
+    Coordinate,
+    ForcedSystem,
+    angle,
+    discrete_map,
+    find_basins,
+    find_periodic_orbits,
+    interpolated_map,
+    load_basins,
+    plot,
+    save_basins,
+    stroboscopic_map,
+)
+from cellmap.analysis.fractal import image_uncertainty_exponent, uncertainty_exponent
 
 finite = st.floats(-1e300, 1e300)
 
@@ -114,53 +127,11 @@ def test_centres_edges_and_widths() -> None:
     assert (grid.dimension, grid.size) == (2, 8)
 
 
-@pytest.mark.parametrize(
-    ("change", "error", "message"),
-    [
-        ({"lower": (1.0, 0.0)}, ValueError, "the window is empty or inverted"),
-        ({"lower": (2.0, 0.0)}, ValueError, "empty or inverted.*lower has the lower ends of all axes"),
-        ({"shape": (4.0, 4)}, TypeError, "shape=4.0: give a whole number, the int 4"),
-        ({"lower": (nan, 0.0)}, ValueError, "lower=.*: a window has finite corners"),
-        ({"upper": (inf, 1.0)}, ValueError, "upper=.*: a window has finite corners"),
-        ({"upper": ("one", 1.0)}, TypeError, "upper=.*: give one number for each coordinate"),
-        ({"upper": None}, (TypeError, ValueError), "upper="),
-        ({"shape": (0, 4)}, ValueError, "shape=0: give a whole number of at least 1"),
-        ({"shape": (-3, 4)}, ValueError, "shape=-3: give a whole number of at least 1"),
-        ({"shape": (2.5, 4)}, TypeError, "shape=2.5: give a whole number"),
-        ({"shape": (True, 4)}, TypeError, "shape=True: give a whole number"),
-        ({"shape": (4,)}, ValueError, "a grid needs one entry for each coordinate"),
-        ({"wraps": (True,)}, ValueError, "a grid needs one entry for each coordinate"),
-        ({"lower": (-1e308, 0.0), "upper": (1.7e308, 1.0)}, ValueError, "no floating-point numbers separate"),
-        ({"lower": (1.0, 0.0), "upper": (nextafter(1.0, 2.0), 1.0)}, ValueError, "no floating-point numbers separate"),
-        ({"lower": (0.0, 0.0), "upper": (5e-324, 1.0)}, ValueError, "no floating-point numbers separate"),
-    ],
-)
-def test_bad_grids_are_refused(change: dict[str, Any], error: type[Exception], message: str) -> None:
-    arguments: dict[str, Any] = {"lower": (-1.0, 0.0), "upper": (1.0, 1.0), "shape": (4, 4)}
-    with pytest.raises(error, match=message):
-        CellGrid(**{**arguments, **change})
-
-
-def test_numbers_stand_for_one_axis() -> None:
-    assert CellGrid(0, 1, 5) == CellGrid((0.0,), (1.0,), (5,))
-
-
-def test_points_of_a_wrong_shape_are_refused() -> None:
-    grid = CellGrid((0.0, 0.0), (1.0, 1.0), (2, 2))
-    for points in (0.5, [0.5], [[0.1, 0.2, 0.3]]):
-        with pytest.raises(ValueError, match="its last axis must hold 2 coordinates"):
-            grid.locate(points)
-
-
 def test_axes_wrap_where_they_cover_one_period() -> None:
     coordinates = (angle("theta"), Coordinate("v"))
     assert CellGrid((-pi, -1.0), (pi, 1.0), (4, 4)).on(coordinates).wraps == (True, False)
     assert CellGrid((0.0, -1.0), (2 * pi, 1.0), (4, 4)).on(coordinates).wraps == (True, False)
     assert CellGrid((-1.0, -pi), (1.0, pi), (4, 4)).on(coordinates).wraps == (False, False)
-    with pytest.raises(ValueError, match="more than one period"):
-        CellGrid((-pi, -1.0), (2 * pi, 1.0), (4, 4)).on(coordinates)
-    with pytest.raises(ValueError, match="grid has 1 axis and the system 2 coordinates"):
-        CellGrid((0.0,), (1.0,), (4,)).on(coordinates)
 
 
 def test_memory_is_refused_before_it_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -170,3 +141,58 @@ def test_memory_is_refused_before_it_is_taken(monkeypatch: pytest.MonkeyPatch) -
         grid.centres()
     assert math.isclose(grid.size, 1e8)
     assert "10000 x 10000 cells" in str(grid)
+
+
+# --- grids of one cell along an axis with equal corners, and messages of the first mistakes with grids and systems
+
+
+def wells(t, x, p):
+    return x[1], x[0] - x[0] ** 3 - 0.3 * x[1], x[0] - x[2]
+
+
+MAP = stroboscopic_map(ForcedSystem(wells, {}, 1.0, ("x", "v", "z")))
+SLICE = CellGrid((-2, -2, 0.5), (2, 2, 0.5), (20, 20, 1))
+
+
+def test_a_slice_is_where_it_is_said_to_be(tmp_path):
+    """Its labels are those of initial conditions with the value of the slice; it survives a file."""
+    basins = find_basins(MAP, SLICE)
+    centres = SLICE.centres()
+    assert (centres[..., 2] == 0.5).all()
+    listed = find_basins(MAP, centres.reshape(-1, 3))
+    assert np.array_equal(basins.labels.ravel(), listed.labels)
+    assert basins.verify(50).wrong == 0
+    save_basins(basins, tmp_path / "slice.h5")
+    assert load_basins(tmp_path / "slice.h5").grid == SLICE
+    ax = plot.basins(basins)
+    assert (ax.get_ylabel(), ax.get_title()) == ("$v$", "wells, $z$ = 0.5")
+    assert uncertainty_exponent(basins, max_pairs=5000).dimension == 2
+    assert image_uncertainty_exponent(basins).dimension == 2
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: interpolated_map(MAP, SLICE),
+        lambda: SLICE.locate([[0, 0, 0.5]]),
+        lambda: find_periodic_orbits(MAP, SLICE),
+    ],
+)
+def test_cells_without_a_volume_are_refused_where_they_need_one(call):
+    with pytest.raises(ValueError, match=r"both 0\.5 along axis 2, which is a slice.*different corners"):
+        call()
+
+
+@pytest.mark.filterwarnings("ignore:.*fallback cells")
+def test_error_of_a_table_is_that_of_its_interpolated_cells():
+    """A step in every cell leaves nothing to measure; one at 0 leaves the other cells, whose map is linear."""
+    for jumps, fallback in ((True, True), (False, False)):
+        exact = discrete_map(
+            lambda x, p, jumps=jumps: (0.5 * x[0] + (np.floor(737.3 * x[0]) if jumps else 0.0), 0.5 * x[1]),
+            {},
+            ("x", "y"),
+        )
+        error = interpolated_map(exact, CellGrid((-1, -1), (1, 1), (20, 20))).error(1000)
+        assert (error.fallback == 1000, error.points == 0, np.isnan(error.largest)) == (fallback,) * 3
+        assert error.fallback + error.points == 1000
+        assert fallback or error.largest < 1e-12

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from cellmap import ForcedSystem, angle, discrete_map, stroboscopic_map
+from cellmap.maps import inverse_stroboscopic_map
 from cellmap.maps.inverse import LiftedMap, extra_turns, preimages, preimages_along
+from systems import driven_pendulum
 
 A, B = 1.4, 0.3
 HENON = discrete_map(lambda x, p: (1 - A * x[0] ** 2 + x[1], B * x[0]), {}, ("x", "y"))
@@ -144,3 +146,17 @@ def test_preimages_across_branch_cuts_form_one_curve():
     a, b = targets.T
     np.testing.assert_allclose(found, np.stack([a - b, 2 * b - a], axis=-1), atol=1e-9)
     assert cos(found[-1, 0]) == pytest.approx(cos(41.0), abs=1e-8)
+
+
+# --- inverses of maps by integration backwards in time
+
+
+def test_inverse_of_the_stroboscopic_map() -> None:
+    system = driven_pendulum(amplitude=0.004)
+    for phase in (0.0, 0.3):
+        forward = stroboscopic_map(system, phase=phase, rtol=1e-12, atol=1e-12)
+        initial_conditions = np.random.default_rng(0).uniform((-3.0, -400.0), (3.0, 400.0), (500, 2))
+        there = forward.iterate(initial_conditions, 1)
+        back = inverse_stroboscopic_map(system, phase).iterate(there.points, 1)
+        assert back.points == pytest.approx(initial_conditions, rel=1e-9, abs=1e-9)
+        assert np.array_equal(back.rotations[:, 0] + there.rotations[:, 0], np.zeros(500))

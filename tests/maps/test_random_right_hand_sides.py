@@ -43,22 +43,6 @@ def errors(
     return found, missed
 
 
-def test_branch_within_a_branch_beside_sliding() -> None:
-    """A time switch matters on one side alone of the surface along which the orbit slides.
-
-    Images by the reference in steps of 0.05, with the outcome DONE; to compile it takes longer than all else here.
-    """
-    rng = np.random.default_rng(40401)
-    right_hand_side = drawn(rng)
-    for _ in range(10):
-        parameters, places = right_hand_side.parameters(rng), rng.uniform(-2.0, 2.0, (2, 2))
-    system = ForcedSystem(right_hand_side.function(), parameters, right_hand_side.period, ("a", "b"))
-    images = stroboscopic_map(system, rtol=TOLERANCE, atol=TOLERANCE).iterate(places, 1)
-    exact = np.array([[2.8151567372782846, -0.11258116958032369], [2.6405404242958963, 0.29186369842758153]])
-    assert (images.status == Status.OK).all()
-    assert np.max(np.abs(images.points - exact) / (TOLERANCE * (1.0 + np.abs(exact)))) < 10.0
-
-
 @pytest.mark.slow  # 10,000 right-hand sides, of which 1,250 are compiled: ten minutes
 @pytest.mark.parametrize("part", range(25))
 def test_ten_thousand_right_hand_sides(part: int) -> None:

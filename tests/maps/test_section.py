@@ -9,13 +9,14 @@ from math import exp, pi, sin, sqrt
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from two_tiers import at_once
 
 from cellmap import CellGrid, ForcedSystem, Status, angle, find_basins, load_basins, save_basins, section_map
 from cellmap.basins import recompute_basins
 from cellmap.basins.final_states import final_states
 from cellmap.maps import flow_map, jacobian, swept_map
 from cellmap.sets import generalized_cell_mapping, simple_cell_mapping
-from systems import magnetic_pendulum, two_well_duffing
+from systems import magnetic_pendulum
 
 
 def lorenz(t, x, p):
@@ -50,13 +51,12 @@ def by_events(system, place, value, direction, ic, time=60.0):
     return done.t_events[0][late][0], done.y_events[0][late][0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("system", "section", "initial_conditions"),
     [
-        pytest.param(
-            LORENZ, ("z", 27.0, -1), [[-10.0, -12.0], [6.0, 2.0], [1.0, -3.0], [12.0, 9.0]], marks=pytest.mark.slow
-        ),
-        pytest.param(LORENZ, ("x", 0.0, 0), [[5.0, 20.0], [-7.0, 25.0]], marks=pytest.mark.slow),
+        (LORENZ, ("z", 27.0, -1), [[-10.0, -12.0], [6.0, 2.0], [1.0, -3.0], [12.0, 9.0]]),
+        (LORENZ, ("x", 0.0, 0), [[5.0, 20.0], [-7.0, 25.0]]),
         (THOMAS, ("x", 0.0, 1), [[1.0, 0.5], [-0.4, 2.0]]),
     ],
 )
@@ -90,7 +90,7 @@ def test_damped_oscillator_in_closed_form(direction):
         np.testing.assert_allclose(half.points, initial_conditions * exp(-0.1 * pi / frequency), rtol=1e-10)
 
 
-@pytest.mark.parametrize("tolerance", [1e-9, 1e-12])
+@pytest.mark.parametrize("tolerance", at_once([1e-9], later=[1e-12]))
 def test_no_orbit_is_lost_at_the_section_of_an_angle(tolerance):
     """All rotations come back in 30 returns, and after that to within exp(-0.2 * 30 * 0.84) of the stable one."""
     back = section_map(TORQUE, ("theta", 1.0, 1), rtol=tolerance, atol=tolerance)
@@ -155,15 +155,6 @@ def test_cells_of_a_section_whose_orbits_do_not_return(tmp_path):
         np.testing.assert_array_equal(load_basins(save_basins(basins, tmp_path / "cells.h5")).labels, direct)
 
 
-def test_groups_of_cells_whose_orbits_do_not_return():
-    """Coarse cells keep what a little damping takes away: each is a group, and the exact map sees through it."""
-    mapping = simple_cell_mapping(
-        section_map(PENDULUM, ("theta", pi, 1), max_time=60.0), CellGrid((0.05,), (5.0,), (4,))
-    )
-    assert (mapping.groups >= 0).all()
-    assert (mapping.basins().labels == -4).all()
-
-
 def test_maps_travel_and_are_made_again(tmp_path):
     back = section_map(LORENZ, ("z", 27.0, -1), max_time=20.0)
     initial_conditions = [[-10.0, -12.0], [6.0, 2.0]]
@@ -213,35 +204,6 @@ def test_fixed_time_map_is_the_flow():
     np.testing.assert_allclose(flow_map(pendulum, 2.5)(ic)[0], done.y[:, -1], atol=1e-8)
     half = flow_map(pendulum, 1.25, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(half(half(ic)), flow_map(pendulum, 2.5, 1e-12, 1e-12)(ic), atol=1e-10)
-
-
-def test_right_hand_sides_that_jump_have_no_section():
-    def rhs(t, x, p, s):
-        return x[1], -x[0] - 0.5 * s[0]
-
-    block = ForcedSystem(rhs, {}, 3.0, ("q", "v"), "block", lambda t, x, p: (x[1],))
-    with pytest.raises(ValueError, match=r"has switches.*flow_map"):
-        section_map(block, ("q", 0.0, 1))
-    assert abs(flow_map(block, 1.0)([0.4, 0.0]) - [0.4, 0.0]).max() < 1e-12  # it sticks
-
-
-def test_what_is_wrong_is_named():
-    with pytest.raises(ValueError, match="depends on time"):
-        section_map(two_well_duffing(), ("v", 0.0, 1))
-    with pytest.raises(ValueError, match="depends on time"):
-        flow_map(two_well_duffing(), 1.0)
-    with pytest.raises(TypeError, match="section=3"):
-        section_map(LORENZ, 3)
-    with pytest.raises(ValueError, match=r"coordinates are \['x', 'y', 'z'\]"):
-        section_map(LORENZ, ("w", 0.0, 1))
-    with pytest.raises(ValueError, match=r"section\[2\]=2"):
-        section_map(LORENZ, ("z", 27.0, 2))
-    with pytest.raises(ValueError, match="max_time=0"):
-        section_map(LORENZ, ("z", 27.0, 1), max_time=0)
-    with pytest.raises(ValueError, match=r"time=-1"):
-        flow_map(LORENZ, -1.0)
-    with pytest.raises(TypeError, match="give a ForcedSystem"):
-        flow_map(lorenz, 1.0)
 
 
 def test_derivatives_by_a_parameter():

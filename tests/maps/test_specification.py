@@ -28,16 +28,11 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap.basins import recompute_basins
-from cellmap.maps import (
-    Coordinate,
-    MapSpec,
-    inverse_stroboscopic_map,
-    rebuild_map,
-    section_map,
-    swept_map,
-)
+from cellmap.maps import Coordinate, MapSpec, inverse_stroboscopic_map, rebuild_map, section_map, swept_map
 from cellmap.maps.orbit_batch import Orbits
 from cellmap.maps.specification import _KINDS
+from cellmap.sets import simple_cell_mapping
+from systems import driven_pendulum, henon_map
 
 
 @dataclass(frozen=True)
@@ -76,7 +71,7 @@ def rotating(x: Any, p: Any) -> tuple[float, float]:
 SYSTEM = ForcedSystem(decay, {"rate": 0.3}, 2 * pi, ("q", "v"))
 FREE = ForcedSystem(lambda t, x, p: (x[1], -x[0] - p.rate * x[1]), {"rate": 0.3}, 6.0, ("q", "v"))
 ROTATING = discrete_map(rotating, {"k": 0.2}, (angle("a"), "y"))
-GRID = CellGrid((-pi, -1.0), (pi, 1.0), (16, 8))
+GRID, SQUARE = CellGrid((-pi, -1.0), (pi, 1.0), (16, 8)), CellGrid((-2.0, -2.0), (2.0, 2.0), (16, 8))
 CASES = {
     "stroboscopic": (SYSTEM, lambda: stroboscopic_map(SYSTEM, rtol=1e-6)),
     "inverse": (SYSTEM, lambda: inverse_stroboscopic_map(SYSTEM, phase=0.25)),
@@ -84,6 +79,17 @@ CASES = {
     "discrete": (ROTATING, lambda: ROTATING),
     "interpolated": (ROTATING, lambda: interpolated_map(ROTATING, GRID, order=3, tolerance=1.0, max_step=2)),
     "swept": (SYSTEM, lambda: swept_map(stroboscopic_map(SYSTEM, rtol=1e-6), "rate")),
+}
+VARIANTS = {
+    "few steps of another method": (
+        SYSTEM,
+        lambda: stroboscopic_map(SYSTEM, 0.3, 1e-5, 1e-6, method="RK45", max_steps=500),
+    ),
+    "a bilinear table": (ROTATING, lambda: interpolated_map(ROTATING, GRID, 1, "integrate")),
+    "a table of a flow": (
+        SYSTEM,
+        lambda: interpolated_map(stroboscopic_map(SYSTEM, rtol=1e-5), SQUARE, 3, "escape", 1),
+    ),
 }
 INITIAL_CONDITIONS = np.random.default_rng(1).uniform(0.2, 0.9, (20, 3))
 
@@ -96,12 +102,13 @@ def bits(point_map: PointMap) -> bytes:
     return point_map.iterate(INITIAL_CONDITIONS[:, : point_map.dimension], 2).points.tobytes()
 
 
-@pytest.mark.parametrize("kind", CASES)
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
+@pytest.mark.parametrize("kind", [*CASES, *VARIANTS])
 def test_every_kind_is_built_again_from_files_and_in_other_processes(kind: str) -> None:
-    source, make = CASES[kind]
+    source, make = (CASES | VARIANTS)[kind]
     original = make()
     assert original.spec is not None
-    assert original.recipe["kind"] == kind
+    assert kind in VARIANTS or original.recipe["kind"] == kind
     recipe = json.loads(json.dumps(original.recipe))
     again = rebuild_map(source, recipe)
     assert bits(again) == bits(original)
@@ -176,13 +183,12 @@ def test_a_map_that_was_changed_by_hand_is_not_built_again(valley: PointMap) -> 
     changed = replace(valley, name="another")
     assert changed.spec is None
     assert changed.recipe == {"kind": "map"}
-    with pytest.raises(ValueError, match="build it from a MapSpec"):
-        swept_map(changed, "pull")
 
 
 # --- formulas that are not known
 
 
+@pytest.mark.thorough
 def test_the_reason_why_formulas_are_not_known_is_told(caplog: pytest.LogCaptureFixture) -> None:
     def slips(x: Any, p: Any) -> tuple[float]:
         return (x[0].conjugate() * 0.5,)
@@ -208,15 +214,6 @@ def test_the_reason_why_formulas_are_not_known_is_told(caplog: pytest.LogCapture
     assert stroboscopic_map(SYSTEM).unknown_formulas == ""
 
 
-def test_switches_that_cannot_be_traced_say_why() -> None:
-    system = ForcedSystem(
-        lambda t, x, p, s: (x[1], -x[0] - 0.1 * s[0] + (0.1 if x[0] == 1.0 else 0.0)),
-        {}, 1.0, ("q", "v"), switches=lambda t, x, p: (x[1],),
-    )  # fmt: skip
-    with pytest.raises(TypeError, match=r"functions of math \(the value of a state variable, .* branch"):
-        stroboscopic_map(system)
-
-
 # --- memory behind the coefficients of a table
 
 
@@ -239,3 +236,87 @@ def test_tables_with_foreign_memory_behind_them_are_evaluated_alike(dimension: i
         orbits = Orbits.starting(INITIAL_CONDITIONS[:, :dimension].copy())
         LookUps(exact, [replace(table, coefficients=coefficients)], "integrate")(orbits, 1)
         assert orbits.points.tobytes() == expected.points.tobytes()
+
+
+# --- basins from what is stored of them
+
+
+PENDULUM, HENON = driven_pendulum(), henon_map()
+WINDOW = CellGrid((-pi, -300.0), (pi, 300.0), (48, 40))
+
+
+PAIRS = [
+    (PENDULUM, lambda: stroboscopic_map(PENDULUM), "grid"),
+    (PENDULUM, lambda: interpolated_map(stroboscopic_map(PENDULUM), WINDOW, outside="escape"), "points"),
+    (PENDULUM, lambda: interpolated_map(stroboscopic_map(PENDULUM, 0.5), WINDOW, 3, "integrate", 0.01), "grid"),
+    (HENON, lambda: HENON, "points"),
+]
+
+
+@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
+@pytest.mark.parametrize(("source", "make", "initial_conditions"), PAIRS)
+def test_stored_basins_and_their_system_give_the_same_labels_again(source, make, initial_conditions, tmp_path):
+    window = WINDOW if source is PENDULUM else SQUARE
+    basins = find_basins(
+        make(), window if initial_conditions == "grid" else window.centres()[::3], max_periods=1500, longest_period=8
+    )
+    stored = load_basins(save_basins(basins, tmp_path / "b.h5"))
+    again = recompute_basins(stored, source)
+    assert np.array_equal(again.labels, stored.labels)
+    assert np.array_equal(again.settling_time, stored.settling_time)
+    assert [a.name for a in again.attractors] == [a.name for a in stored.attractors]
+    assert all(np.array_equal(a.points, b.points) for a, b in zip(again.attractors, stored.attractors, strict=True))
+    assert again.point_map is not None
+    assert (again.settings["max_periods"], again.settings["longest_period"]) == (1500, 8)
+
+
+def test_rebuilt_map_verifies_stored_basins(tmp_path):
+    basins = find_basins(interpolated_map(stroboscopic_map(PENDULUM), WINDOW, outside="integrate"), WINDOW)
+    again = recompute_basins(load_basins(save_basins(basins, tmp_path / "b.h5")), PENDULUM)
+    assert again.verify(100).wrong == 0
+
+
+def test_other_parameters_are_refused(tmp_path):
+    basins = find_basins(stroboscopic_map(PENDULUM), INITIAL_CONDITIONS[:5, :2])
+    with pytest.raises(ValueError, match=r"source has params .*0\.004.* and the basins .*0\.003"):
+        recompute_basins(basins, driven_pendulum(amplitude=0.004))
+
+
+def test_other_period_is_refused():
+    with pytest.raises(ValueError, match=r"source has the period 0\.025.*: give the same parameters"):
+        rebuild_map(driven_pendulum(frequency=40.0), stroboscopic_map(PENDULUM).recipe)
+
+
+def test_other_coordinates_are_refused():
+    """The same parameters, but an angle that is none, or another dimension."""
+    basins = find_basins(stroboscopic_map(PENDULUM), INITIAL_CONDITIONS[:5, :2])
+    line = ForcedSystem(PENDULUM.rhs, PENDULUM.params, PENDULUM.period, ("theta", "theta'"))
+    with pytest.raises(ValueError, match="coordinates"):
+        recompute_basins(basins, line)
+
+
+@pytest.mark.parametrize("missing", ["rtol", "method", "phase", "period"])
+def test_incomplete_recipe_names_what_is_missing(missing):
+    recipe = {k: v for k, v in stroboscopic_map(PENDULUM).recipe.items() if k != missing}
+    with pytest.raises((ValueError, KeyError), match=missing):
+        rebuild_map(PENDULUM, recipe)
+
+
+def test_discrete_map_of_another_dimension_is_refused():
+    basins = find_basins(HENON, [[0.1, 0.1]])
+    line = discrete_map(lambda x, p: (p.a * x[0] + p.b,), {"a": 1.4, "b": 0.3}, ("x",))
+    with pytest.raises(ValueError, match=r"coordinates|dimension|state variables"):
+        recompute_basins(basins, line)
+
+
+def test_basins_of_other_methods_are_not_found_again():
+    contraction = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
+    basins = simple_cell_mapping(contraction, CellGrid((-1,), (1,), (9,))).basins()
+    with pytest.raises(ValueError, match="simple cell mapping"):
+        recompute_basins(basins, contraction)
+
+
+def test_period_that_follows_a_parameter():
+    system = driven_pendulum(frequency=40.0)
+    original = stroboscopic_map(system)
+    assert rebuild_map(system, original.recipe)([1.0, 2.0]) == pytest.approx(original([1.0, 2.0]), abs=0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Callable
-from math import exp, gamma, pi, sqrt
+from math import exp, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -24,19 +24,15 @@ from discontinuous_systems import (
     relay,
     relay_at,
     rubbed,
-    speed,
     table,
 )
+from two_tiers import at_once
 
 from cellmap import ForcedSystem, Status, set_threads, stroboscopic_map
 from cellmap._compiled.kernels.blocks import LANES
 from cellmap.maps import ToleranceWarning, jacobian
 from cellmap.maps.orbit_batch import CHUNK
-from systems import (
-    dimensionless_pendulum,
-    double_pendulum,
-    triple_pendulum,
-)
+from systems import dimensionless_pendulum, double_pendulum, triple_pendulum
 
 
 @functools.cache
@@ -49,10 +45,11 @@ def exact_images(name: str) -> Array:
 @pytest.mark.parametrize(
     ("name", "tolerance"),
     [
-        *[(name, 1e-9) for name in CASES if "masses" not in name],
-        *[pytest.param(name, 1e-6, marks=pytest.mark.slow) for name in CASES if "masses" in name],
+        *at_once(
+            [("dry friction", tolerance) for tolerance in (1e-4, 1e-6, 1e-9, 1e-13)],
+            later=[(name, 1e-6 if "masses" in name else 1e-9) for name in CASES],
+        ),
         *[pytest.param(name, 1e-12, marks=pytest.mark.slow) for name in EVERY_CASE],
-        *[("dry friction", t) for t in (1e-4, 1e-6, 1e-13)],
     ],
 )
 def test_images_agree_with_the_oracle(name: str, tolerance: float, allowance: Callable[..., Array]) -> None:
@@ -177,28 +174,6 @@ def test_no_switches_no_events() -> None:
     limit = stroboscopic_map(rough.with_params(delta=0.0))
     initial_conditions = initial_conditions_of((pi, 2.0), 20)
     assert limit(initial_conditions) == pytest.approx(smooth(initial_conditions), abs=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("rhs", "switches", "error", "message"),
-    [
-        (lambda t, x, p, s: (x[1], -s[0] * s[1]), lambda t, x, p: (x[0], x[1]), ValueError, "multiplies signs"),
-        (lambda t, x, p, s: (x[1], -s[0] * gamma(x[0] + 9.0)), speed, TypeError, "analytic functions of math"),
-        (rubbed, lambda t, x, p: (gamma(x[1] + 9.0) - 0.1,), TypeError, "analytic functions of math"),
-        (rubbed, lambda t, x, p: x[1], TypeError, "and return a tuple"),
-        (rubbed, lambda t, x: (x[1],), TypeError, r"switches as switches\(t, x, p\)"),
-        (rubbed, 3, TypeError, "switches=3: give a function"),
-    ],
-)
-def test_what_cannot_be_integrated_is_refused(rhs: Any, switches: Any, error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        stroboscopic_map(ForcedSystem(rhs, dict(table().params), 2.0 * pi, ("x", "v"), switches=switches))
-
-
-@pytest.mark.parametrize("method", ["DOP853", "RK45"])
-def test_methods_without_events_are_refused(method: str) -> None:
-    with pytest.raises(ValueError, match=f"method='{method}': a discontinuous right-hand side needs"):
-        stroboscopic_map(table(), method=method)
 
 
 def test_events_without_end_are_reported() -> None:

@@ -7,24 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from discontinuous_systems import (
-    Array,
-    Oracle,
-    initial_conditions_of,
-    masses_at,
-    table,
-)
+from discontinuous_systems import Oracle, initial_conditions_of, masses_at, table
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from cellmap import ForcedSystem, Status, stroboscopic_map, trajectory
-from cellmap._compiled.codegen.kernel import switching_kernel
-from cellmap._compiled.kernels.blocks import LANES
 from cellmap.maps import jacobian
-from cellmap.orbits import lyapunov_spectrum
-from systems import (
-    dimensionless_pendulum,
-)
+from systems import dimensionless_pendulum
 
 
 def bang_bang(t: float, x: Any, p: Any, s: Any) -> tuple[float, float]:
@@ -72,13 +61,6 @@ def test_a_trajectory_rests_between_samples() -> None:
     motion = trajectory(table(stiffness=0.0, friction=1.0), [0.0, 1.0], 1)
     t = np.minimum(motion.times, 1.0)
     assert motion.states == pytest.approx(np.transpose([t - 0.5 * t * t, 1.0 - t]), abs=1e-9)
-
-
-def test_states_that_stick_at_one_place_have_lost_a_direction() -> None:
-    """All that sticks has the velocity 0: the derivative of a period is singular from then on."""
-    sticking = dimensionless_pendulum(0.5, 0.3, 0.03, 0.5)
-    found = lyapunov_spectrum(stroboscopic_map(sticking), [[0.3, 0.1]], 20, 1)
-    assert found.exponents[0, 1] == -np.inf
 
 
 def swings(x: float, friction: float, time: float) -> tuple[float, float]:
@@ -180,29 +162,6 @@ def test_a_square_wave_on_a_spring() -> None:
         assert strobe(initial_conditions) == pytest.approx(exact, abs=1e-11)
 
 
-def test_errors_fall_with_the_order_of_the_method_across_events() -> None:
-    """A method of order 8 with steps too short to be shortened; turning, stopping and starting again lie inside."""
-    system = table(friction=0.4, force=1.0, frequency=0.7)
-    assert system.switches is not None
-    kernel = switching_kernel((system.rhs, system.switches), 2, tuple(system.params), 1e-2, False)
-    assert kernel is not None and kernel.estimate_order == 7
-    initial_conditions = np.random.default_rng(0).uniform(-1.5, 1.5, (LANES, 2))
-    params = np.array(list(system.params.values()))
-
-    def images(steps: int) -> Array:
-        blocks = initial_conditions.T[None].copy()
-        kernel.advance(blocks, np.array([steps]), 0.0, system.length, params, np.empty_like(blocks))
-        return blocks[0].T
-
-    exact = images(400)
-    errors = np.array([np.abs(images(steps) - exact).max() for steps in (16, 32, 64)])
-    some = slice(None, None, 4)
-    assert exact[some] == pytest.approx(
-        np.array([Oracle(system).image(ic) for ic in initial_conditions[some]]), abs=1e-11
-    )
-    assert (np.log2(errors[:-1] / errors[1:]) > 7.0).all()
-
-
 # Initial conditions on a surface
 
 
@@ -296,3 +255,24 @@ def test_grazing(miss: float) -> None:
     images = stroboscopic_map(system).iterate(ic, 1)
     assert images.status == Status.OK
     assert images.points == pytest.approx(ic, abs=1e-8 + 20.0 * max(-miss, 0.0))
+
+
+# --- three switching functions
+
+
+def test_three_blocks_stop_one_after_the_other() -> None:
+    """Three switches, x_i'' = -i friction sign(x_i'): each block is held from v_i/(i friction) on."""
+
+    def rhs(t: float, x: Any, p: Any, s: Any) -> tuple[float, ...]:
+        return (*x[3:], *(-(i + 1) * p.friction * s[i] for i in range(3)))
+
+    system = ForcedSystem(
+        rhs, {"friction": 1.0}, 1.0, ("a", "b", "c", "u", "v", "w"), switches=lambda t, x, p: (x[3], x[4], x[5])
+    )
+    deceleration = np.array([1.0, 2.0, 3.0])
+    speeds = np.array([[0.5, 1.9, -0.6], [-1.5, 0.2, 0.9], [0.4, -2.5, 5.0]])
+    time = np.minimum(np.abs(speeds) / deceleration, 1.0)
+    lost = np.sign(speeds) * deceleration * time
+    exact = np.concatenate([(speeds - 0.5 * lost) * time, speeds - lost], axis=1)
+    images = stroboscopic_map(system)(np.concatenate([np.zeros((3, 3)), speeds], axis=1))
+    assert images == pytest.approx(exact, abs=1e-13)

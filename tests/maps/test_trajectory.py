@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import cos, exp, pi, sin
+from math import cos, pi, sin
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from two_tiers import at_once
 
 import systems
 from cellmap import ForcedSystem, Status, angle, set_threads, stroboscopic_map, trajectory
-from cellmap.maps import ToleranceWarning, Trajectory, integrate, swept_system
+from cellmap.maps import ToleranceWarning, integrate, swept_system
 
 OSCILLATOR = ForcedSystem(
     lambda t, x, p: (x[1], -x[0]),
@@ -42,9 +43,11 @@ def solution(system, ic, times):
     return made.y.T
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-11])
+@pytest.mark.parametrize("tolerance", at_once([1e-9], later=[1e-6, 1e-11]))
 @pytest.mark.parametrize("method", ["auto", "DOP853"])
-@pytest.mark.parametrize("factory", [systems.two_well_duffing, systems.driven_pendulum, systems.forced_pendulum])
+@pytest.mark.parametrize(
+    "factory", at_once([systems.two_well_duffing, systems.driven_pendulum], later=[systems.forced_pendulum])
+)
 def test_samples_meet_the_tolerance_within_every_period(factory, method, tolerance, allowance):
     system = factory()
     initial_conditions = [[0.5, 0.3], [2.0, -40.0 if factory is systems.driven_pendulum else -1.0]]
@@ -78,11 +81,6 @@ def test_shapes_and_times():
     assert repr(motion) == "Trajectory(oscillator: 12 initial conditions, 5 periods of 7 samples)"
 
 
-def test_one_sample_a_period_is_the_map_alone():
-    motion = trajectory(OSCILLATOR, [1.0, 0.0], 3, samples_per_period=1)
-    assert motion.states == pytest.approx(np.tile([1.0, 0.0], (4, 1)), abs=1e-9)
-
-
 def test_no_initial_conditions():
     motion = trajectory(OSCILLATOR, np.zeros((0, 2)), 3)
     assert motion.states.shape == (193, 0, 2)
@@ -104,8 +102,6 @@ def test_outputs_follow_the_motion():
     motion = trajectory(OSCILLATOR, [[1.0, 0.0], [0.0, 2.0]], 2, phase=0.25)
     assert motion.output("energy")[..., 0] == pytest.approx(np.tile([0.5, 2.0], (129, 1)), abs=1e-8)
     assert motion.output("phase")[:, 1] == pytest.approx(np.transpose([np.cos(motion.times), np.sin(motion.times)]))
-    with pytest.raises(ValueError, match=r"name='power': the outputs of oscillator are \['energy', 'phase'\]"):
-        motion.output("power")
 
 
 def test_an_orbit_that_diverges_is_followed_to_its_end():
@@ -127,34 +123,6 @@ def test_a_missed_tolerance_is_told():
     assert motion.status.tolist() == [Status.INACCURATE, Status.OK]
 
 
-@pytest.mark.slow
-def test_dry_friction_stays_at_rest_between_samples():
-    """A block on a table, q'' = -sgn q' from speed 1: at rest from t = 1 on, at q = 1/2; the pull is too weak."""
-    system = ForcedSystem(
-        lambda t, x, p, s: (x[1], p.pull * sin(t) - s[0]),
-        {"pull": 0.0},
-        2 * pi,
-        ("q", "v"),
-        switches=lambda t, x, p: (x[1],),
-    )
-    motion = trajectory(system, [0.0, 1.0], 2)
-    moving = motion.times < 1.0
-    t = motion.times[moving]
-    assert motion.states[moving] == pytest.approx(np.transpose([t - t * t / 2, 1.0 - t]), abs=1e-9)
-    assert motion.states[~moving] == pytest.approx(np.tile([0.5, 0.0], (np.count_nonzero(~moving), 1)), abs=1e-9)
-
-
-def test_functions_that_cannot_be_traced_are_integrated_too():
-    def rhs(t, x, p):
-        return (-x[0] if x[0] > 0.0 else -2.0 * x[0],)
-
-    motion = trajectory(ForcedSystem(rhs, {}, 1.0, ("x",)), [[1.0], [-1.0]], 2, samples_per_period=8)
-    assert motion.states[..., 0] == pytest.approx(
-        np.transpose([np.exp(-motion.times), -np.exp(-2 * motion.times)]), abs=1e-9
-    )
-    assert motion.states[-1, 0, 0] == pytest.approx(exp(-2.0))
-
-
 def test_same_bits_for_any_number_of_threads_and_neighbours():
     initial_conditions = np.random.default_rng(1).uniform(-2, 2, (700, 2))
     set_threads(1)
@@ -168,34 +136,6 @@ def test_same_bits_for_any_number_of_threads_and_neighbours():
     )
 
 
-def test_states_are_not_tied_to_the_argument():
-    initial_conditions = np.array([[1.0, 0.0]])
-    motion = trajectory(OSCILLATOR, initial_conditions, 1, samples_per_period=2)
-    initial_conditions[:] = 7.0
-    assert motion.states[0].tolist() == [[1.0, 0.0]]
-    assert isinstance(motion, Trajectory)
-
-
-@pytest.mark.parametrize(
-    ("change", "error", "message"),
-    [
-        ({"system": "pendulum"}, TypeError, "system='pendulum': give a ForcedSystem"),
-        ({"initial_conditions": [1.0]}, ValueError, "initial_conditions has shape"),
-        ({"initial_conditions": [[1.0, np.nan]]}, ValueError, "initial_conditions"),
-        ({"periods": 0}, ValueError, "periods=0: give a whole number of at least 1"),
-        ({"periods": 1.5}, TypeError, "periods=1.5: give a whole number"),
-        ({"samples_per_period": 0}, ValueError, "samples_per_period=0: give a whole number of at least 1"),
-        ({"phase": np.inf}, ValueError, "phase=inf: give a finite number"),
-        ({"rtol": 0.0}, ValueError, "rtol=0.0: give a number of at least 1e-14"),
-        ({"method": "Euler"}, ValueError, "method='Euler': choose one of"),
-        ({"periods": 10**12}, MemoryError, "take fewer periods, samples or initial conditions"),
-    ],
-)
-def test_arguments_are_checked(change, error, message):
-    with pytest.raises(error, match=message):
-        trajectory(**{"system": OSCILLATOR, "initial_conditions": [1.0, 0.0], "periods": 1, **change})
-
-
 def test_integration_over_any_time_agrees_with_scipy(scipy_images: Callable[..., NDArray[np.float64]]) -> None:
     system = systems.driven_pendulum()
     initial_conditions = [[0.5, 10.0], [3.0, -40.0]]
@@ -204,9 +144,6 @@ def test_integration_over_any_time_agrees_with_scipy(scipy_images: Callable[...,
     expected = scipy_images(system, initial_conditions, phase=0.3, periods=1.7)
     assert found.unwrapped == pytest.approx(expected, rel=1e-9, abs=1e-9)
     assert np.abs(found.points[:, 0]).max() <= pi
-    for bad in (0.0, -1.0):
-        with pytest.raises(ValueError, match=f"duration={bad}: give a number above 0"):
-            integrate(system, initial_conditions, begin, bad)
 
 
 def test_a_swept_system_moves_like_the_system_with_these_parameters() -> None:
@@ -216,8 +153,3 @@ def test_a_swept_system_moves_like_the_system_with_these_parameters() -> None:
     for row, (amplitude, damping) in zip(found, [(0.002, 3.0), (0.004, 8.0)], strict=True):
         alone = trajectory(system.with_params(amplitude=amplitude, damping=damping), [2.8, 0.0], 2)
         assert row == pytest.approx([*alone.states[-1], amplitude, damping], rel=1e-9, abs=1e-8)
-    for names in ((), ("damping", "damping")):
-        with pytest.raises(ValueError, match=r"parameters=.*: give the names of one or several different parameters"):
-            swept_system(system, *names)
-    with pytest.raises(ValueError, match=r"parameters='nothing': .*amplitude"):
-        swept_system(system, "nothing")
