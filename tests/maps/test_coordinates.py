@@ -175,6 +175,7 @@ LINE, UP = np.linspace(-2, 2, 20), np.linspace(-1, 3, 30)
         ([LINE, 0.5], "xv", r"CellGrid\(\(-2, 0.5\), \(2, 0.5\), \(20, 1\)\)"),
         (((-2, 2, 40), (-1, 3, 50)), "xv", r"CellGrid\(\(-2, -1\), \(2, 3\), \(40, 50\)\)"),
         (LINE, "x", r"CellGrid\(\(-2,\), \(2,\), \(20,\)\)"),
+        ([(-2, 2), (-1, 3), (0, 1)], "xyz", r"states have length 3, and these pairs 2; .* CellGrid\(\(-2, -1, 0\)"),
         (np.random.default_rng(0).random((2, 20)), "xv", r"the first one does, so give np.moveaxis"),
         (np.sort(np.random.default_rng(0).random((2, 3))), "xv", r"the first one does, so give np.moveaxis"),
     ],
@@ -184,6 +185,12 @@ def test_axes_in_the_place_of_states_ask_for_a_grid(axes, names, remedy):
     for search in (find_basins, find_attractors):
         with pytest.raises(ValueError, match=remedy):
             search(rest, axes)
+
+
+def test_pairs_are_two_states_and_no_window():
+    rest = discrete_map(lambda x, p: tuple(v / 2 for v in x), {}, ("x", "v"))
+    with pytest.warns(UserWarning, match=r"are two states; for a window give CellGrid\(\(-2, -1\), \(2, 3\), shape\)"):
+        find_basins(rest, [(-2, 2), (-1, 3)])
 
 
 def test_rising_states_are_no_axes():

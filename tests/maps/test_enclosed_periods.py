@@ -119,7 +119,7 @@ def test_points_of_boxes_in_extended_precision(name: str, monkeypatch: pytest.Mo
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("seed", [0, 2, 4, 6])
+@pytest.mark.parametrize("seed", [0, 2])
 def test_points_of_boxes_in_random_flows(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(enclosed_periods, "_ORDERS", (3,))
     monkeypatch.setattr(enclosed_periods, "_REMAINDER", 0.5)  # so that what series leave out is most of a radius

@@ -13,8 +13,9 @@ import pytest
 from enclosure_witnesses import rewritten
 from two_tiers import at_once
 
-from cellmap import PointMap, discrete_map, set_threads
+from cellmap import ForcedSystem, PointMap, discrete_map, set_threads, stroboscopic_map
 from cellmap._compiled.codegen import enclosures
+from cellmap.maps import interval_witness
 from cellmap.maps.enclosures import MeanValueForms, enclosed_images
 
 OF_ONE = "sin cos tan exp log sqrt sinh cosh tanh atan asin acos asinh acosh atanh log1p expm1 log2 log10 exp2".split()
@@ -217,3 +218,43 @@ def test_quotients_of_numbers_whose_errors_underflow(top: float, bottom: float) 
     with mpmath.workdps(40):
         off = abs(mpmath.mpf(top) / mpmath.mpf(bottom) - mpmath.mpf(float(forms.images[0, 1])))
         assert 0 < off <= forms.image_radii[0, 1]
+
+
+# --- the witness by intervals of forty digits
+
+ALL_FUNCTIONS = (
+    "tanh(x) - tan(0.5 * x) + atan(x) * exp(-x) + log(x + 2.0) / (x + 1.5) + sqrt(x + 1.25) * sin(x) + cos(3.0 * x)"
+    " + (x + 1.0)**1.5"
+)
+
+
+def primitive(x: Any, k: Any) -> Any:
+    """Return the integral of all functions over a path of the length k from x on."""
+    return mpmath.quad(lambda u: eval(ALL_FUNCTIONS, EXACT, {"x": u}), [x, x + k])
+
+
+@pytest.mark.parametrize("flow", [False, True])
+def test_the_witness_encloses_all_functions_and_their_series(flow: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A map of one of them by value and slope; of the flow x' = 1 the image is their integral, by quadrature."""
+    names: dict[str, Any] = dict(MATH)
+    exec(f"def f(x):\n    return {ALL_FUNCTIONS}\n", names)
+    of = names["f"]
+    if flow:
+        monkeypatch.setattr(interval_witness, "_STEPS", (4,))
+        system = ForcedSystem(lambda t, x, p: (1.0, of(x[0]) + 0.0 * x[1]), {}, 0.25, ("x", "y"))
+        point_map, expected = stroboscopic_map(system), lambda x: primitive(x, 0.25)
+    else:
+        point_map, expected = discrete_map(lambda x, p: (x[0], of(x[0])), {}, ("x", "y")), None
+    context = interval_witness.intervals()
+    image, slopes = interval_witness.witness(point_map)([context.mpf([0.25, 0.25 + 2.0**-50]), context.mpf(0)])
+    with mpmath.workdps(40):
+        x = mpmath.mpf(0.25) + mpmath.mpf(2) ** -51
+        value = expected(x) if expected else eval(ALL_FUNCTIONS, EXACT, {"x": x})
+        slope = mpmath.diff(expected or (lambda u: eval(ALL_FUNCTIONS, EXACT, {"x": u})), x)
+        for found, exact in ((image[1], value), (slopes[1][0], slope)):
+            assert mpmath.mpf(found.a) - 1e-30 <= exact <= mpmath.mpf(found.b) + 1e-30
+            assert found.delta < 1e-12
+    with pytest.raises(interval_witness.NotEnclosedError, match="holds 0"):
+        interval_witness.witness(discrete_map(lambda x, p: (1.0 / x[0], math.log(x[1])), {}, ("x", "y")))(
+            [context.mpf([-1, 1]), context.mpf(1)]
+        )

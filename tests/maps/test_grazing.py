@@ -13,6 +13,7 @@ from two_tiers import at_once
 from cellmap import CellGrid, ForcedSystem, continue_orbit, find_basins, stroboscopic_map
 from cellmap.basins import load_basins, save_basins
 from cellmap.maps import Impact, grazing_distance, jacobian
+from cellmap.maps.grazing import contacts
 from cellmap.orbits import periodic_orbit
 
 WALL = Impact(lambda t, x, p: p.gap - x[0], lambda t, x, p: (x[0], -p.e * x[1]))
@@ -44,6 +45,7 @@ def test_impact_at_a_small_velocity(speed):
     back = sqrt(1 + (0.8 * speed) ** 2)
     depth = grazing_distance(exact, [0.0, reach])
     assert depth == pytest.approx(speed**2 / 2 / (1 + back), rel=1e-3 + 1e-13 / speed**2)
+    assert contacts(exact, np.array([[0.0, reach], [0.0, 0.5]]), 1)[1].tolist() == [1, 0]
 
     def rotation(t):
         return np.array([[np.cos(t), np.sin(t)], [-np.sin(t), np.cos(t)]])

@@ -125,6 +125,14 @@ def test_an_angle_that_only_grows_never_falls_through_its_section(value):
             assert np.isnan(time) if direction == -w else time == pytest.approx(2 * pi, rel=1e-12)
 
 
+def test_rotations_of_another_angle_are_counted():
+    """It turns by 3 in a unit of time, and an oscillation takes 2 pi."""
+    system = ForcedSystem(lambda t, x, p: (x[1], -x[0], 3.0 + 0.0 * x[2]), {}, 1.0, ("q", "v", angle("a")))
+    images = section_map(system, ("q", 0.0, 1)).iterate([[1.0, 0.5]], 2)
+    assert images.rotations.tolist() == [[0, 6]]
+    assert images.points == pytest.approx(np.array([[1.0, 0.5]]), abs=1e-8)
+
+
 def test_pendulum_swings_through_both_ways_and_rotates_through_one():
     """Energy is kept: it comes back as fast as it went, on the way asked for."""
     pendulum = PENDULUM.with_params(d=0.0)

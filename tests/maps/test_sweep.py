@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, ForcedSystem, PointMap, Status, angle, discrete_map, interpolated_map, stroboscopic_map
-from cellmap.maps import jacobian, swept_map
+from cellmap.maps import jacobian, section_map, swept_map
 from cellmap.maps.stroboscopic import method_of
+from cellmap.maps.swept_orbits import SweptOrbits
 from systems import driven_pendulum, henon_map, van_der_pol_oscillator
 
 
@@ -115,3 +116,51 @@ def test_a_period_that_follows_the_parameter() -> None:
     free = stroboscopic_map(following, rtol=1e-12, atol=1e-12)
     image = swept_map(free, "omega")([0.3, 0.1, 1.3])[:2]
     np.testing.assert_allclose(image, free.with_params(omega=1.3)([0.3, 0.1]), rtol=1e-10)
+
+
+# --- orbits at many values of parameters
+
+
+def test_states_within_steps_and_quantities_that_depend_on_them() -> None:
+    """q = q0 + w t, v = v0 exp(-t): over two periods of 2 pi/w from a quarter of one on, in closed form."""
+    outputs = {"sum": lambda t, x, p: (x[0] + p.w * x[1],)}
+    system = ForcedSystem(
+        lambda t, x, p: (p.w + 0.0 * cos(p.w * t), -x[1]),
+        {"w": 1.0},
+        lambda p: 2 * pi / p.w,
+        ("q", "v"),
+        outputs=outputs,
+    )
+    values, points = np.array([[1.0], [2.0]]), np.array([[0.5, 1.0], [-0.5, 2.0]])
+    orbits = SweptOrbits(stroboscopic_map(system, 0.25), ("w",), values, points, 2)
+    times, states = orbits.motion(4)
+    lengths, steps = 2 * pi / values[:, 0], np.arange(9)[:, None]
+    assert orbits.is_flow and orbits.beginning[0] == pytest.approx(0.25 * lengths[None])
+    assert times == pytest.approx((0.25 + steps / 4) * lengths)
+    passed = times - 0.25 * lengths
+    assert states[..., 0] == pytest.approx(points[:, 0] + values[:, 0] * passed, abs=1e-8)
+    assert states[..., 1] == pytest.approx(points[:, 1] * np.exp(-passed), abs=1e-8)
+    total = (states[..., 0] + values[:, 0] * states[..., 1]).T
+    for quantity, expected in ((1, states[..., 1].T), (-2, states[..., 0].T), ("v", states[..., 1].T), ("sum", total)):
+        assert orbits.quantity(quantity, times, states) == pytest.approx(expected)
+    assert orbits.quantity(lambda t, x, p: t * p.w, times, states) == pytest.approx((times * values[:, 0]).T)
+    for wrong in (2, -3, True, "u"):
+        with pytest.raises(ValueError, match=r"quantity=.*: the coordinates"):
+            orbits.quantity(wrong, times, states)
+
+
+def test_motion_between_returns_and_orbits_of_discrete_maps() -> None:
+    """A damped rotation comes back after 2 pi/w, w^2 = 1 - d^2, having shrunk by exp(-d t); and x -> a x."""
+    spiral = ForcedSystem(lambda t, x, p: (x[1], -x[0] - 2 * p.d * x[1]), {"d": 0.1}, 6.0, ("q", "v"))
+    back = SweptOrbits(section_map(spiral, ("q", 0.0, 1)), ("d",), np.array([[0.1], [0.3]]), np.ones((2, 1)), 2)
+    times, states = back.motion(8)
+    rates, d = back.rates(states), np.array([0.1, 0.3])
+    w = np.sqrt(1 - d * d)
+    assert times == pytest.approx(np.arange(9)[:, None] / 8 * 4 * pi / w)
+    assert states[..., 0] == pytest.approx(np.exp(-d * times) * np.sin(w * times) / w, abs=1e-7)
+    assert rates[..., 0] == pytest.approx(states[..., 1]) and back.beginning[1].tolist() == [[[0.0, 1.0], [0.0, 1.0]]]
+    shrink = discrete_map(lambda x, p: (p.a * x[0],), {"a": 0.5}, ("x",))
+    found = SweptOrbits(shrink, ("a",), np.array([[0.5], [2.0]]), np.array([[1.0], [3.0]]), 2)
+    times, states = found.motion(4)
+    assert times.tolist() == [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]] and not found.is_flow
+    assert states[..., 0].tolist() == [[1.0, 3.0], [0.5, 6.0], [0.25, 12.0]]
