@@ -119,7 +119,7 @@ def test_agreement_with_scipy_at_random_initial_conditions(
         assert np.abs(images - exact).max() <= 1e-9 * max(span)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_the_table_of_precise_images_is_reproduced(
     problems: Mapping[str, ForcedSystem], precise_images: list[dict[str, Any]], precise_image: ImagesOf
 ) -> None:
