@@ -1,6 +1,6 @@
 """What holds whatever happens: the same bits after kills, on any threads, from any cache; bad disks; no leak.
 
-Each has a small witness here; long campaigns are marked as slow.
+Each has a small witness here; the long campaign is thorough.
 """
 
 from __future__ import annotations
