@@ -181,6 +181,11 @@ def test_numbers_of_attractors_are_those_of_points_on_them(page: Page) -> None:
     assert (numbers == 3).sum() in [int((labels == k).sum()) for k in (0, 1)]
     for wrong in (3, [[1]], [[-1, [0, 0]]], [[1, [0, 0, 0]]], [["a", [0, 0]]], [[1, [0, 0]]] * 300):
         page.refused("view", "anchors", view={}, anchors=wrong)
+    for near, number in (([0.63, 0.19], 7), ([1.5, -1.5], 0)):  # a chaotic attractor is a cloud of points
+        page.ask("system", text="x -> 1 - 1.4*x**2 + y\ny -> 0.3*x")
+        page.send("view", view={}, anchors=[[7, near]])
+        *_, last = page.frames(lambda facts: facts["complete"])
+        assert [a["identity"] for a in last["attractors"]] == [number]
 
 
 def test_a_server_gives_back_memory_as_long_as_it_serves(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -217,6 +222,7 @@ def test_a_watcher_gets_the_image_and_moves_nothing(shared: Explorer) -> None:
         with watching(shared) as socket:
             assert json.loads(socket.recv(5)) == {"type": "welcome"}
             facts, data = unpacked(socket.recv(5))
+            assert facts["compressed"] is True
             facts["data"] = zlib.decompress(data)
             assert_same_image(facts, numbers_of(facts), find_basins(WELLS.with_params(keep=0.65), WINDOW), upright)
             assert facts["view"]["params"] == {"keep": 0.65}
