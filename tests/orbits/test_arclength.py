@@ -1,7 +1,5 @@
 """Curves of solutions traced both ways."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

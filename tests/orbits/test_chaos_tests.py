@@ -1,18 +1,15 @@
 """Tests for chaos: what is distinguished, and what must not be concluded."""
 
-from __future__ import annotations
-
 from collections import Counter
 from math import pi, sqrt
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 import pytest
 
 import systems
-from cellmap import CellGrid, angle, discrete_map, interpolated_map, plot, set_threads, stroboscopic_map
-from cellmap.orbits import ChaosTest, alignment_test, exponent_test, zero_one_test, zero_one_test_of_series
+from cellmap import angle, discrete_map, plot, set_threads, stroboscopic_map
+from cellmap.orbits import alignment_test, exponent_test, zero_one_test, zero_one_test_of_series
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -23,62 +20,49 @@ TESTS = [exponent_test, zero_one_test]
 # beside the hyperbolic fixed point (0, 0) in the chaotic sea (Chirikov 1979).
 REGULAR = [[pi, 0.05], [pi, 0.4], [pi + 0.5, 0.1], [0.0, 3.0]]
 CHAOTIC = [[0.1, 0.0], [0.05, 0.1], [0.0, 2.0]]
+CHAOS = 0.25, 0.55, 0.05  # of a pendulum
 
 
 @pytest.mark.parametrize("test", TESTS)
-def test_regular_and_chaotic_initial_conditions_of_the_standard_map(test: Any) -> None:
-    """Some of the regular orbits have a positive exponent for all finite times."""
-    found = test(systems.standard_map(1.2), REGULAR + CHAOTIC, 2000, 0)
-    assert found.verdict.tolist() == ["regular"] * 4 + ["chaotic"] * 3
+def test_regular_and_chaotic_initial_conditions_of_the_standard_map(test):
+    """Some of the regular orbits have a positive exponent for all finite times, as at rest on an unstable point."""
+    found = test(systems.standard_map(1.2), [*REGULAR, [0.0, 0.0], *CHAOTIC], 2000, 0)
+    assert found.verdict.tolist() == ["regular"] * 5 + ["chaotic"] * 3
     assert ((found.low <= found.value) & (found.value <= found.high)).all()
 
 
 @pytest.mark.parametrize("test", TESTS)
-@pytest.mark.parametrize(
-    ("mu", "verdict"),
-    # Periods 2 and 4, the window of period 3, and bands (May 1976).
-    [(3.2, "regular"), (3.5, "regular"), (3.83, "regular"), (3.7, "chaotic"), (3.9, "chaotic"), (4.0, "chaotic")],
-)
-def test_the_logistic_map(test: Any, mu: float, verdict: str) -> None:
-    assert test(systems.logistic_map(mu), [[0.3], [0.4]], 2000, 1000).verdict.tolist() == [verdict] * 2
+def test_the_logistic_map(test):
+    """Periods 2 and 4, the window of period 3, and bands (May 1976)."""
+    for verdict, values in (("regular", (3.2, 3.5, 3.83)), ("chaotic", (3.7, 3.9, 4.0))):
+        for mu in values:
+            assert test(systems.logistic_map(mu), [[0.3], [0.4]], 2000, 1000).verdict.tolist() == [verdict] * 2
 
 
 @pytest.mark.parametrize("test", TESTS)
-def test_henon_and_flows(test: Any) -> None:
+def test_henon_and_flows(test):
     assert test(systems.henon_map(), [0.1, 0.1]).verdict == "chaotic"
-    assert test(stroboscopic_map(systems.two_well_duffing()), [0.5, 0.1], 400, 100).verdict == "regular"
-    assert (
-        test(stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.55, 0.05)), [0.5, 0.1], 400).verdict == "chaotic"
-    )
-    rotating = stroboscopic_map(systems.dimensionless_pendulum(-0.1, 0.545, 0.2))
+    swinging, rotating = (stroboscopic_map(systems.dimensionless_pendulum(*p)) for p in (CHAOS, (-0.1, 0.545, 0.2)))
+    assert test(swinging, [0.5, 0.1], 400).verdict == "chaotic"
     assert test(rotating, [2.18, 1.19], 400, 100).verdict == "regular"
 
 
 @pytest.mark.parametrize("test", TESTS)
-def test_quasiperiodic_motion_is_regular(test: Any) -> None:
+def test_quasiperiodic_motion_is_regular(test):
     """An attracting invariant circle (delayed logistic map, Aronson et al. 1982) and rotations by irrational turns."""
     circle = discrete_map(lambda x, p: (2.05 * x[0] * (1 - x[1]), x[0]), {}, ("x", "y"))
     assert test(circle, [0.5, 0.4], 4000).verdict == "regular"
-    angle = systems.standard_map(0.0)
-    assert (
-        test(angle, [[0.0, 2.0 * pi * (sqrt(5.0) - 1.0) / 2.0], [1.0, 1.0]], 2000).verdict.tolist() == ["regular"] * 2
-    )
+    turns = [[0.0, pi * (sqrt(5.0) - 1.0)], [1.0, 1.0]]
+    assert test(systems.standard_map(0.0), turns, 2000).verdict.tolist() == ["regular"] * 2
 
 
-@pytest.mark.parametrize("test", TESTS)
-def test_an_unstable_fixed_point_is_no_chaos(test: Any) -> None:
-    """Its exponent is 1.05 with k = 1.2 (multipliers of trace 2 + k); the orbit that stays on it is at rest."""
-    found = test(systems.standard_map(1.2), [0.0, 0.0], 500, 0)
-    assert found.verdict == "regular"
-
-
-def test_at_the_onset_of_chaos_the_exponent_decides_nothing() -> None:
+def test_at_the_onset_of_chaos_the_exponent_decides_nothing():
     """mu_infinity = 3.569945672 (Feigenbaum 1978): the exponent is 0, and the growth fluctuates without bound."""
     assert exponent_test(systems.logistic_map(3.569945672), [0.3], 2000, 1000).verdict == "undecided"
 
 
 @pytest.mark.parametrize("test", TESTS)
-def test_nothing_is_said_of_orbits_that_end(test: Any) -> None:
+def test_nothing_is_said_of_orbits_that_end(test):
     found = test(systems.henon_map(), [[0.1, 0.1], [9.0, 9.0]], 500)
     assert found.verdict.tolist() == ["chaotic", "undecided"]
     assert np.isnan([found.value[1], found.low[1], found.high[1]]).all()
@@ -86,13 +70,13 @@ def test_nothing_is_said_of_orbits_that_end(test: Any) -> None:
     assert repr(found).endswith("1 chaotic, 1 undecided)")
 
 
-def test_short_orbits_of_weak_chaos_are_not_called_chaotic() -> None:
+def test_short_orbits_of_weak_chaos_are_not_called_chaotic():
     """k = 0.3: the stochastic layer of the hyperbolic point is exponentially thin, and its exponents tiny."""
     found = exponent_test(systems.standard_map(0.3), [[1.0, 0.5], [2.0, 1.0], [3.0, 2.5]], 400, 0)
     assert not found.chaotic.any()
 
 
-def test_noise_is_not_regular_and_tones_are_not_chaotic() -> None:
+def test_noise_is_not_regular_and_tones_are_not_chaotic():
     """Independent numbers diffuse (K = 1), sums of tones do not (K = 0); a constant is at rest."""
     rng = np.random.default_rng(0)
     time = np.arange(2000.0)
@@ -104,14 +88,14 @@ def test_noise_is_not_regular_and_tones_are_not_chaotic() -> None:
     assert found.value[2:].tolist() == [0.0, 0.0]
 
 
-def test_finely_sampled_chaos_is_not_told_by_the_0_1_test() -> None:
+def test_finely_sampled_chaos_is_not_told_by_the_0_1_test():
     """Said in the literature (Gottwald, Melbourne 2009): oversampling lowers K; it must not come out as chaotic."""
     x = systems.logistic_map(4.0).orbit([0.3], 200).points[:, 0]
     fine = np.interp(np.arange(0, 2000) / 10.0, np.arange(len(x)), x)
     assert zero_one_test_of_series(np.sin(0.001 * np.arange(2000.0)) + 1e-3 * fine).verdict != "chaotic"
 
 
-def test_mean_square_displacements_are_those_of_their_definition() -> None:
+def test_mean_square_displacements_are_those_of_their_definition():
     """Against sums as they are written by Gottwald and Melbourne (2009), equations 2.1 to 2.3."""
     from cellmap.orbits.zero_one import _correlations
 
@@ -127,70 +111,57 @@ def test_mean_square_displacements_are_those_of_their_definition() -> None:
         assert _correlations(series, np.array([c]))[0] == pytest.approx(expected, abs=1e-9)
 
 
-def test_an_observable_of_ones_own() -> None:
-    found = zero_one_test(systems.henon_map(), [0.1, 0.1], 1000, observable=lambda x: x[..., 0] ** 2)
-    assert found.verdict == "chaotic"
-    with pytest.raises(ValueError, match="one number for each"):
-        zero_one_test(systems.henon_map(), [0.1, 0.1], 1000, observable=lambda x: x)
-
-
-def test_the_0_1_test_needs_no_derivative_and_takes_tables() -> None:
-    exact = stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.55, 0.05))
-    table = interpolated_map(exact, CellGrid((-pi, -4.0), (pi, 4.0), (128, 128)), outside="integrate")
-    assert zero_one_test(table, [0.5, 0.1], 500).verdict == "chaotic"
-
-
-def test_the_same_bits_for_a_seed_and_any_number_of_threads() -> None:
+def test_the_same_bits_for_a_seed_and_any_number_of_threads():
     results = []
     for count in (1, 2):
         set_threads(count)
         results.append(zero_one_test(systems.henon_map(), [[0.1, 0.1], [0.0, 0.1]], 300, rng=3))
     assert np.array_equal(results[0].evidence, results[1].evidence)
+    squares = zero_one_test(systems.henon_map(), [0.1, 0.1], 1000, observable=lambda x: x[..., 0] ** 2)
+    assert squares.verdict == "chaotic"
     other = zero_one_test(systems.henon_map(), [[0.1, 0.1], [0.0, 0.1]], 300, rng=4)
     assert not np.array_equal(results[0].evidence, other.evidence)
 
 
-def test_the_median_has_an_exact_interval() -> None:
+def test_the_median_has_an_exact_interval():
     """Ranks 40 and 61 of 100 hold the median with 96.5 % (binomial): the smallest such interval of at least 95 %."""
     found = zero_one_test_of_series(np.random.default_rng(1).normal(size=400))
     assert found.low == found.evidence[39]
     assert found.high == found.evidence[60]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "error", "message"),
-    [
-        ((3, [0.1, 0.1]), TypeError, "give a PointMap"),
-        ((systems.henon_map(), np.empty((0, 2))), ValueError, "initial_conditions is empty"),
-        ((systems.henon_map(), [0.1, 0.1], 10), ValueError, "periods=10: give a whole number of at least"),
-        ((systems.henon_map(), [0.1, 0.1], 300, -1), ValueError, "transient=-1"),
-    ],
-)
-@pytest.mark.parametrize("test", TESTS)
-def test_bad_input_is_refused(test: Any, arguments: tuple[Any, ...], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        test(*arguments)
+SERIES = np.zeros(300)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("call", "message"),
     [
-        ((np.zeros(100),), "at least 200 values"),
-        ((np.full(300, np.nan),), "not finite"),
-        ((np.zeros((300, 0)),), "at least one series"),
-        ((np.zeros(300), 5), "frequencies=5"),
-        ((np.zeros(300), 20, 1.0), "confidence=1.0"),
+        (lambda: exponent_test(systems.henon_map(), np.empty((0, 2))), "initial_conditions is empty"),
+        (lambda: exponent_test(systems.henon_map(), [0.1, 0.1], 10), "periods=10: give a whole number of at least"),
+        (lambda: zero_one_test(systems.henon_map(), [0.1, 0.1], 10), "periods=10: give a whole number of at least"),
+        (lambda: zero_one_test(systems.henon_map(), [0.1, 0.1], 300, -1), "transient=-1"),
+        (lambda: zero_one_test(systems.henon_map(), [0.1, 0.1], 300, observable=lambda x: x), "one number for each"),
+        (lambda: zero_one_test_of_series(SERIES[:100]), "at least 200 values"),
+        (lambda: zero_one_test_of_series(SERIES + np.nan), "not finite"),
+        (lambda: zero_one_test_of_series(np.zeros((300, 0))), "at least one series"),
+        (lambda: zero_one_test_of_series(SERIES, 5), "frequencies=5"),
+        (lambda: zero_one_test_of_series(SERIES, 20, 1.0), "confidence=1.0"),
+        (lambda: alignment_test(systems.henon_map(), np.empty((0, 2))), "initial_conditions is empty"),
+        (lambda: alignment_test(systems.henon_map(), [0.1, 0.1], 43), "periods=43"),
+        (lambda: alignment_test(systems.henon_map(), [0.1, 0.1], order=3), "order=3"),
+        (lambda: alignment_test(systems.henon_map(), [0.1, 0.1], order=1), "order=1"),
+        (lambda: alignment_test(systems.henon_map(), [0.1, 0.1], confidence=1.0), "confidence=1.0"),
     ],
 )
-def test_bad_series_are_refused(arguments: tuple[Any, ...], message: str) -> None:
+def test_bad_arguments_are_refused(call, message):
     with pytest.raises(ValueError, match=message):
-        zero_one_test_of_series(*arguments)
+        call()
 
 
 # --- alignment
 
 
-def test_alignment_tells_islands_from_the_sea() -> None:
+def test_alignment_tells_islands_from_the_sea():
     found = alignment_test(systems.standard_map(1.2), REGULAR + CHAOTIC, 2000)
     assert found.verdict.tolist() == ["regular"] * 4 + ["chaotic"] * 3
     assert ((found.low <= found.value) & (found.value <= found.high)).all()
@@ -199,8 +170,8 @@ def test_alignment_tells_islands_from_the_sea() -> None:
     assert plot.chaos_test(found).get_ylabel() == "rate of alignment per step"
 
 
-@pytest.mark.parametrize("order", [2, 3, 4])
-def test_rates_of_alignment_are_differences_of_exponents(order: int) -> None:
+@pytest.mark.parametrize("order", [2, 4])
+def test_rates_of_alignment_are_differences_of_exponents(order):
     """Of two cat maps side by side: (order - 1) L1 - L2 - ... with +-0.9624 and +-1.7627 (Skokos et al. 2007)."""
     cats = discrete_map(
         lambda x, p: (2 * x[0] + x[1], x[0] + x[1], 5 * x[2] + 2 * x[3], 2 * x[2] + x[3]),
@@ -214,14 +185,14 @@ def test_rates_of_alignment_are_differences_of_exponents(order: int) -> None:
     assert found.value == pytest.approx(np.full(2, (order - 1) * spectrum[0] - spectrum[1:order].sum()), rel=1e-9)
 
 
-def test_shear_and_resting_orbits_are_regular() -> None:
+def test_shear_and_resting_orbits_are_regular():
     """Plain shear aligns two deviations like 1/t; an unstable fixed point is no chaos."""
     shear = discrete_map(lambda x, p: (x[0] + x[1], x[1]), {}, (angle("a"), "b"))
     assert alignment_test(shear, [[0.3, 0.2], [0.1, 1.234]], 2000).verdict.tolist() == ["regular"] * 2
     assert alignment_test(systems.standard_map(1.2), [0.0, 0.0], 500).verdict == "regular"
 
 
-def test_alignment_says_nothing_where_volumes_shrink_or_orbits_end() -> None:
+def test_alignment_says_nothing_where_volumes_shrink_or_orbits_end():
     """Beside an attracting cycle deviations align as well, as fast as its exponents differ."""
     assert alignment_test(systems.henon_map(), [0.1, 0.1], 400).verdict == "undecided"
     node = discrete_map(lambda x, p: (x[0] / 2, x[1] / 4), {}, ("x", "y"))
@@ -233,33 +204,8 @@ def test_alignment_says_nothing_where_volumes_shrink_or_orbits_end() -> None:
     assert np.isnan(thrown.value).all()
 
 
-def test_alignment_has_the_same_bits_for_any_number_of_threads() -> None:
-    values = []
-    for threads in (1, 2):
-        set_threads(threads)
-        values.append(alignment_test(systems.standard_map(1.2), np.random.default_rng(0).random((600, 2)), 50).value)
-    assert np.array_equal(*values)
-
-
-@pytest.mark.parametrize(
-    ("change", "error", "message"),
-    [
-        ({"point_map": 3}, TypeError, "give a PointMap"),
-        ({"initial_conditions": np.empty((0, 2))}, ValueError, "initial_conditions is empty"),
-        ({"periods": 43}, ValueError, "periods=43"),
-        ({"order": 3}, ValueError, "order=3"),
-        ({"order": 1}, ValueError, "order=1"),
-        ({"confidence": 1.0}, ValueError, "confidence=1.0"),
-    ],
-)
-def test_what_alignment_refuses(change: dict[str, Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        alignment_test(**{"point_map": systems.standard_map(1.2), "initial_conditions": [0.1, 0.1], **change})
-
-
-def test_the_figure() -> None:
+def test_the_figure():
     found = exponent_test(systems.standard_map(1.2), [[pi, 0.3], [0.1, 0.0]], 400, 0)
-    assert isinstance(found, ChaosTest)
     ax = plot.chaos_test(found)
     # The verdict on one chaotic orbit depends on its last bits: a quarter of its neighbours stay undecided.
     verdicts = Counter(found.verdict.tolist())
@@ -268,6 +214,4 @@ def test_the_figure() -> None:
     assert verdicts["regular"] == 1
     assert len(kinds) == 2
     assert plot.chaos_test(zero_one_test(systems.henon_map(), [0.1, 0.1], 300)).get_ylabel() == "K"
-    with pytest.raises(TypeError, match="give a ChaosTest"):
-        plot.chaos_test("chaotic")  # type: ignore[arg-type]
     plt.close("all")

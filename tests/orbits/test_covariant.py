@@ -1,24 +1,23 @@
 """Covariant Lyapunov vectors: exact directions, invariance under the derivative, and independent iterations."""
 
-from __future__ import annotations
-
 from math import pi, sqrt
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 import pytest
 
 import systems
-from cellmap import angle, discrete_map, lyapunov_spectrum, periodic_orbit, plot, stroboscopic_map
+from cellmap import angle, discrete_map, lyapunov_spectrum, plot, stroboscopic_map
 from cellmap.maps import jacobian
 from cellmap.orbits import covariant_vectors
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
+HENON = systems.henon_map()
 
-def parallel(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+
+def parallel(a, b):
     """Sine of the angle between vectors along the last axis."""
     a, b = (v / np.linalg.norm(v, axis=-1, keepdims=True) for v in (a, b))
     return np.asarray(np.linalg.norm(a - (a * b).sum(axis=-1, keepdims=True) * b, axis=-1))
@@ -32,15 +31,9 @@ def parallel(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         [[-2.0, 1.0, 0.5, 0.0], [0.0, 1.1, 1.0, 3.0], [0.0, 0.0, 0.6, 1.0], [0.0, 0.0, 0.0, 0.1]],
     ],
 )
-def test_directions_of_a_linear_map_are_its_eigenvectors(matrix: Any) -> None:
+def test_directions_of_a_linear_map_are_its_eigenvectors(linear, matrix):
     given = np.array(matrix)
-    d = len(given)
-    linear = discrete_map(
-        lambda x, p: tuple(sum(float(m) * v for m, v in zip(row, x, strict=True)) for row in matrix),
-        {},
-        tuple("abcd"[:d]),
-    )
-    found = covariant_vectors(linear, np.zeros(d), periods=30)
+    found = covariant_vectors(linear(matrix), np.zeros(len(given)), periods=30)
     values, vectors = np.linalg.eig(given)
     order = np.argsort(-np.abs(values))
     assert found.exponents == pytest.approx(np.log(np.abs(values[order])), abs=1e-10)
@@ -58,16 +51,10 @@ def test_directions_of_a_linear_map_are_its_eigenvectors(matrix: Any) -> None:
         ([[0.3, 0.0, 2.0], [0.0, 0.8, 5.0], [0.0, 0.0, 0.8]], [np.log(0.8)] * 2 + [np.log(0.3)], (2, 1)),
     ],
 )
-@pytest.mark.parametrize("periods", [100, 1000])
-def test_equal_exponents_have_one_subspace(matrix: Any, exponents: Any, dimensions: Any, periods: int) -> None:
+def test_equal_exponents_have_one_subspace(linear, matrix, exponents, dimensions):
     """Errors cover the exact logarithms, and the derivative maps the subspace to itself."""
-    d = len(matrix)
-    linear = discrete_map(
-        lambda x, p: tuple(sum(float(m) * v for m, v in zip(row, x, strict=True)) for row in matrix),
-        {},
-        tuple("abcd"[:d]),
-    )
-    found = covariant_vectors(linear, np.zeros(d), periods=periods)
+    periods = 100
+    found = covariant_vectors(linear(matrix), np.zeros(len(matrix)), periods=periods)
     assert found.dimensions == dimensions
     assert (np.abs(found.exponents - exponents) <= 2.0 * found.standard_errors + 1e-12).all()
     assert (found.standard_errors < 10.0 / periods).all()
@@ -81,7 +68,7 @@ def test_equal_exponents_have_one_subspace(matrix: Any, exponents: Any, dimensio
         found.angles(begin + 1)
 
 
-def test_the_cat_map_is_uniformly_hyperbolic() -> None:
+def test_the_cat_map_is_uniformly_hyperbolic():
     """A symmetric matrix: its directions are orthogonal everywhere; of [[1, 1], [1, 0]] o shear they are not."""
     torus = (angle("x", "", 1.0), angle("y", "", 1.0))
     cat = discrete_map(lambda x, p: (2 * x[0] + x[1], x[0] + x[1]), {}, torus)
@@ -93,20 +80,19 @@ def test_the_cat_map_is_uniformly_hyperbolic() -> None:
     assert covariant_vectors(skewed, [0.1, 0.3]).angles() == pytest.approx(np.full(1000, min(known, pi - known)))
 
 
-def test_henon() -> None:
+def test_henon():
     """Exponents are those of the spectrum; the derivative maps directions to each other.
 
     Independent witnesses: iteration of any vector onwards gives the first direction, and with the inverse derivatives
     backwards the second.  Tangencies of manifolds bring the angle near to 0 (Ginelli et al. 2007).
     """
-    henon = systems.henon_map()
-    found = covariant_vectors(henon, [0.1, 0.1], periods=3000)
+    found = covariant_vectors(HENON, [0.1, 0.1], periods=3000)
     assert found.exponents.sum() == pytest.approx(np.log(0.3), abs=2e-3)
     assert found.exponents[0] == pytest.approx(0.419, abs=4 * found.standard_errors[0])
-    spectrum = lyapunov_spectrum(henon, [0.1, 0.1], periods=3000, transient=200)
+    spectrum = lyapunov_spectrum(HENON, [0.1, 0.1], periods=3000, transient=200)
     apart = np.abs(found.exponents - spectrum.exponents)  # rounding has led to two orbits
     assert (apart < 3 * np.hypot(found.standard_errors, spectrum.standard_errors)).all()
-    matrices = jacobian(henon, found.points)
+    matrices = jacobian(HENON, found.points)
     images = matrices[:-1] @ found.vectors[:-1]
     for j in range(2):
         assert parallel(images[..., j], found.vectors[1:, :, j]).max() < 1e-8
@@ -122,17 +108,7 @@ def test_henon() -> None:
     assert found.angles(1) == pytest.approx(np.arcsin(parallel(found.vectors[..., 0], found.vectors[..., 1])))
 
 
-def test_directions_at_a_saddle_are_those_of_its_manifolds() -> None:
-    henon = systems.henon_map()
-    saddle = periodic_orbit(henon, [0.6, 0.2])
-    found = covariant_vectors(henon, saddle.points[0], periods=20, transient=30)
-    known = np.linalg.eig(jacobian(henon, saddle.points[0]))
-    for j in range(2):
-        column = known[1][:, np.argsort(-np.abs(known[0]))[j]]
-        assert parallel(found.vectors[0, :, j], column) < 1e-6
-
-
-def test_a_flow_and_spaces_of_several_directions() -> None:
+def test_a_flow_and_spaces_of_several_directions():
     """Volumes shrink by exp(-damping * period); of two systems side by side the directions of each are its own."""
     pendulum = stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.55, 0.05))
     found = covariant_vectors(pendulum, [0.5, 0.1], periods=100, transient=100)
@@ -154,27 +130,22 @@ def test_a_flow_and_spaces_of_several_directions() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "error", "message"),
+    ("change", "message"),
     [
-        ({"point_map": 3}, TypeError, "give a PointMap"),
-        ({"initial_condition": [[0.1, 0.1]]}, ValueError, "give one point"),
-        ({"initial_condition": [1e200, 0.0]}, ValueError, "orbit terminates"),
-        ({"periods": 19}, ValueError, "periods=19"),
-        ({"point_map": systems.henon_map(1.4, 0.0)}, ValueError, "derivative is singular"),
+        ({"initial_condition": [[0.1, 0.1]]}, "give one point"),
+        ({"initial_condition": [1e200, 0.0]}, "orbit terminates"),
+        ({"periods": 19}, "periods=19"),
+        ({"point_map": systems.henon_map(1.4, 0.0)}, "derivative is singular"),
     ],
 )
-def test_what_it_refuses(change: dict[str, Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        covariant_vectors(
-            **{"point_map": systems.henon_map(), "initial_condition": [0.1, 0.1], "periods": 30, **change}
-        )
+def test_what_it_refuses(change, message):
+    with pytest.raises(ValueError, match=message):
+        covariant_vectors(**({"point_map": HENON, "initial_condition": [0.1, 0.1], "periods": 30} | change))
 
 
-def test_the_figure() -> None:
-    found = covariant_vectors(systems.henon_map(), [0.1, 0.1], periods=200)
+def test_the_figure():
+    found = covariant_vectors(HENON, [0.1, 0.1], periods=200)
     assert sum(p.get_height() for p in plot.covariant_vectors(found).patches) == 200
     plt.close("all")
-    with pytest.raises(TypeError, match="give CovariantVectors"):
-        plot.covariant_vectors(found.angles())  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="first=2"):
         plot.covariant_vectors(found, first=2)

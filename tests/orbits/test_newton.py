@@ -1,7 +1,5 @@
 """One Newton method: solutions of any multiplicity, errors of images, parameters that are held."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

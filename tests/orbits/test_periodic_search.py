@@ -1,38 +1,19 @@
 """Periodic orbits: all in a window, their kinds, Jury's criterion."""
 
-from __future__ import annotations
-
 from collections import Counter
 from math import cos, exp, pi, sin
-from typing import Any
 
 import numpy as np
 import pytest
 
-from cellmap import (
-    CellGrid,
-    ForcedSystem,
-    PointMap,
-    angle,
-    discrete_map,
-    find_periodic_orbits,
-    interpolated_map,
-    periodic_orbit,
-    stroboscopic_map,
-)
+from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_periodic_orbits, periodic_orbit, stroboscopic_map
 from cellmap.orbits import OrbitKind, jury_margins
-from systems import driven_pendulum, henon_map, standard_map
-
-
-@pytest.fixture(scope="module")
-def pendulum() -> PointMap:
-    return stroboscopic_map(driven_pendulum(amplitude=0.003), rtol=1e-12, atol=1e-12)
-
+from systems import henon_map, standard_map
 
 WINDOW = CellGrid((-pi, -500.0), (pi, 500.0), (120, 120))
 
 
-def test_all_cycles_of_the_henon_map() -> None:
+def test_all_cycles_of_the_henon_map():
     # Biham, Wenzel, Physical Review Letters 63 (1989) 819: numbers of cycles; the saddle off the attractor besides.
     known = {1: 2, 2: 1, 4: 1, 6: 2, 7: 4, 8: 7, 9: 6, 10: 10}
     orbits = find_periodic_orbits(henon_map(), CellGrid((-2, -1), (2, 1), (100, 100)), longest_period=10)
@@ -49,7 +30,7 @@ def test_all_cycles_of_the_henon_map() -> None:
     )
 
 
-def test_orbits_of_the_driven_pendulum(pendulum: PointMap) -> None:
+def test_orbits_of_the_driven_pendulum(pendulum):
     orbits = find_periodic_orbits(pendulum, WINDOW)
     assert Counter(o.name for o in orbits) == {"saddle": 4, "stable focus": 4}
     assert sorted(o.rotations[0] for o in orbits) == [-1, -1, 0, 0, 0, 0, 1, 1]
@@ -63,26 +44,7 @@ def test_orbits_of_the_driven_pendulum(pendulum: PointMap) -> None:
     np.testing.assert_allclose(rotation.points[0] / [1.0, 100 * pi], [2.520339579944, 1.019933227842], rtol=1e-10)
 
 
-def test_mirror_images_are_found_in_pairs(pendulum: PointMap) -> None:
-    orbits = find_periodic_orbits(pendulum.with_params(amplitude=0.010), WINDOW, longest_period=3)
-    points = np.concatenate([o.points for o in orbits])
-    mirrored = -points
-    for point in mirrored:
-        shift = points - point
-        shift[:, 0] -= 2 * pi * np.round(shift[:, 0] / (2 * pi))
-        assert np.abs(shift / [1.0, 100.0]).max(axis=1).min() < 1e-9
-    assert {o.period for o in orbits} == {1, 2, 3}
-
-
-def test_a_table_finds_what_the_exact_map_does(pendulum: PointMap) -> None:
-    table = interpolated_map(pendulum, CellGrid((-pi, -500.0), (pi, 500.0), (128, 128)), outside="integrate")
-    orbits = find_periodic_orbits(table, WINDOW)
-    expected = find_periodic_orbits(pendulum, WINDOW)
-    assert [o.name for o in orbits] == [o.name for o in expected]
-    np.testing.assert_allclose([o.points[0] for o in orbits], [o.points[0] for o in expected], atol=1e-9)
-
-
-def test_fixed_points_of_the_standard_map() -> None:
+def test_fixed_points_of_the_standard_map():
     # On the cylinder y may rise by a period: only (0, 0) and (pi, 0) are fixed; traces are 2 + K and 2 - K.
     k = 0.9
     orbits = find_periodic_orbits(standard_map(k), CellGrid((-pi, -pi), (pi, pi), (64, 64)))
@@ -93,22 +55,24 @@ def test_fixed_points_of_the_standard_map() -> None:
         assert not orbit.is_stable
 
 
-def test_a_linear_map_has_the_kinds_of_its_multipliers() -> None:
-    def kind(a: float, b: float, c: float, d: float) -> str:
-        linear = discrete_map(lambda x, p: (a * x[0] + b * x[1], c * x[0] + d * x[1]), {}, ("x", "y"))
-        return periodic_orbit(linear, [0.3, -0.2]).name
-
-    assert kind(0.5, 0.0, 0.0, -0.2) == "stable node"
-    assert kind(1.5, 0.0, 0.0, 2.0) == "unstable node"
-    assert kind(0.5, -0.5, 0.5, 0.5) == "stable focus"
-    assert kind(1.5, -0.5, 0.5, 1.5) == "unstable focus"
-    assert kind(1.5, 0.0, 0.0, 0.5) == "saddle"
-    assert kind(-1.5, 0.0, 0.0, 0.5) == "flip saddle"
-    assert kind(cos(1.0), -sin(1.0), sin(1.0), cos(1.0)) == "centre"
+def test_a_linear_map_has_the_kinds_of_its_multipliers():
+    params = dict.fromkeys("abcd", 0.0)
+    linear = discrete_map(lambda x, p: (p.a * x[0] + p.b * x[1], p.c * x[0] + p.d * x[1]), params, ("x", "y"))
+    for name, entries in {
+        "stable node": (0.5, 0.0, 0.0, -0.2),
+        "unstable node": (1.5, 0.0, 0.0, 2.0),
+        "stable focus": (0.5, -0.5, 0.5, 0.5),
+        "unstable focus": (1.5, -0.5, 0.5, 1.5),
+        "saddle": (1.5, 0.0, 0.0, 0.5),
+        "flip saddle": (-1.5, 0.0, 0.0, 0.5),
+        "centre": (cos(1.0), -sin(1.0), sin(1.0), cos(1.0)),
+    }.items():
+        here = linear.with_params(**dict(zip("abcd", entries, strict=True)))
+        assert periodic_orbit(here, [0.3, -0.2]).name == name
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 3, 4, 6])
-def test_jury_agrees_with_the_eigenvalues(dimension: int) -> None:
+def test_jury_agrees_with_the_eigenvalues(dimension):
     rng = np.random.default_rng(dimension)
     seen = set()
     for _ in range(300):
@@ -121,32 +85,30 @@ def test_jury_agrees_with_the_eigenvalues(dimension: int) -> None:
     assert seen == {True, False}
 
 
-def test_newton_begins_far_away(pendulum: PointMap) -> None:
+def test_newton_begins_far_away(pendulum):
     # The saddle beside the inverted state, from guesses up to a quarter of a radian and many rad/s away.
     saddle = periodic_orbit(pendulum, [2.13, 0.9])
     for guess in ([2.0, 15.0], [2.3, -10.0], [1.95, -5.0]):
         np.testing.assert_allclose(periodic_orbit(pendulum, guess).points, saddle.points, rtol=1e-9)
-
-
-def test_the_least_period_is_found(pendulum: PointMap) -> None:
     assert periodic_orbit(pendulum, [0.1, 0.0], period=6).period == 1
 
 
-def test_no_orbit_is_said() -> None:
+def test_no_orbit_is_said():
     translation = discrete_map(lambda x, p: (x[0] + 1.0 + 0.1 * sin(x[0]),), {}, ("x",))
     with pytest.raises(ValueError, match="no orbit of period 1"):
         periodic_orbit(translation, [0.3])
     assert find_periodic_orbits(translation, CellGrid((-3,), (3,), (50,))) == ()
 
 
-def test_an_angle_may_rotate() -> None:
+def test_an_angle_may_rotate():
     circle = discrete_map(lambda x, p: (x[0] + 2 * pi + 0.5 * sin(x[0]),), {}, (angle("theta"),))
     orbits = find_periodic_orbits(circle, CellGrid((-pi,), (pi,), (40,)))
     assert [(o.rotations, round(float(o.multipliers[0].real), 12)) for o in orbits] == [((1,), 1.5), ((1,), 0.5)]
 
 
-def test_where_derivatives_are_not_known() -> None:
-    def kinked(t: float, x: Any, p: Any) -> tuple[float, float]:
+@pytest.mark.thorough
+def test_where_derivatives_are_not_known():
+    def kinked(t, x, p):
         q, v = x
         stiffness = 2.0 if q > -5.0 else 1.0
         return v, -stiffness * q - 0.2 * v + cos(t)
@@ -160,28 +122,29 @@ def test_where_derivatives_are_not_known() -> None:
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda m: periodic_orbit(m, [0.0]), ValueError, "guess has shape"),
         (lambda m: periodic_orbit(m, [[0.0, 0.0]]), ValueError, "one state"),
         (lambda m: periodic_orbit(m, [0.0, 0.0], period=0), ValueError, "period=0"),
-        (lambda m: find_periodic_orbits("map", WINDOW), TypeError, "point_map='map'"),
         (lambda m: find_periodic_orbits(m, [0.0, 1.0]), TypeError, "region="),
         (lambda m: find_periodic_orbits(m, CellGrid((0,), (1,), (3,))), ValueError, "1 axis"),
-        (lambda m: find_periodic_orbits(m, WINDOW, longest_period=1.5), TypeError, "longest_period=1.5"),
+        (lambda m: find_periodic_orbits(m, WINDOW, longest_period=0), ValueError, "longest_period=0"),
     ],
 )
-def test_bad_input_is_refused(pendulum: PointMap, call: Any, error: type[Exception], message: str) -> None:
+def test_bad_input_is_refused(pendulum, call, error, message):
     with pytest.raises(error, match=message):
         call(pendulum)
+
+
+THOROUGH = pytest.mark.thorough
 
 
 @pytest.mark.parametrize(
     ("step", "window"),
     [
         (lambda x, p: (4.0 * x[0] * (1.0 - x[0]),), (-0.01, 1.01)),
-        (lambda x, p: (1.0 - 2.0 * x[0] ** 2,), (-1.01, 1.01)),
+        pytest.param(lambda x, p: (1.0 - 2.0 * x[0] ** 2,), (-1.01, 1.01), marks=THOROUGH),
     ],
 )
-def test_orbits_of_long_periods_of_full_parabolas(step: Any, window: tuple[float, float]) -> None:
+def test_orbits_of_long_periods_of_full_parabolas(step, window):
     # Both maps are conjugate to the tent map of slope 2: the number of orbits of period n is that of binary Lyndon
     # words, and every multiplier is 2^n but that of the fixed point at the end of the interval, 4.
     parabola = discrete_map(step, {}, ("x",))
@@ -193,20 +156,22 @@ def test_orbits_of_long_periods_of_full_parabolas(step: Any, window: tuple[float
     assert sorted(sizes)[:-1] == pytest.approx([1.0] * (len(sizes) - 1), rel=1e-7)
 
 
-@pytest.mark.parametrize(("a", "b", "extent", "cells", "longest"), [(6.0, 0.3, 4.0, 150, 7), (10.0, -1.0, 5.0, 250, 6)])
-def test_each_orbit_of_a_horseshoe_is_found_once(a: float, b: float, extent: float, cells: int, longest: int) -> None:
+@pytest.mark.parametrize(
+    ("a", "b", "extent", "cells", "longest"),
+    [(6.0, 0.3, 4.0, 150, 7), pytest.param(10.0, -1.0, 5.0, 250, 6, marks=THOROUGH)],
+)
+def test_each_orbit_of_a_horseshoe_is_found_once(a, b, extent, cells, longest):
     # Devaney, Nitecki, Communications in Mathematical Physics 67 (1979) 137: one orbit for each binary Lyndon word.
     henon = discrete_map(lambda x, p: (a - x[0] ** 2 + b * x[1], x[0]), {}, ("x", "y"))
     found = find_periodic_orbits(henon, CellGrid([-extent] * 2, [extent] * 2, [cells] * 2), longest_period=longest)
     assert Counter(o.period for o in found) == dict(zip(range(1, longest + 1), (2, 1, 2, 3, 6, 9, 18), strict=False))
 
 
-@pytest.mark.parametrize("omega", [0.5, 0.7, 0.9])
-@pytest.mark.parametrize("part", [0.0, 0.9, 1.0, 2.0])
-def test_a_saddle_with_large_multipliers_is_found_from_nearby(omega: float, part: float) -> None:
+@pytest.mark.parametrize(("omega", "part"), [(0.5, 2.0), (0.7, 0.0), (0.9, 0.9)])
+def test_a_saddle_with_large_multipliers_is_found_from_nearby(omega, part):
     # Between two wells, to first order in epsilon: x = -epsilon cos(omega t)/(1 + omega^2), with multipliers of some
     # exp(2 pi/omega): 1e3 to 3e5.
-    def rhs(t: float, x: Any, p: Any) -> Any:
+    def rhs(t, x, p):
         return x[1], x[0] - x[0] ** 3 + p.epsilon * (cos(p.omega * t) - x[1])
 
     wells = ForcedSystem(
@@ -218,21 +183,8 @@ def test_a_saddle_with_large_multipliers_is_found_from_nearby(omega: float, part
     assert abs(orbit.multipliers[0]) == pytest.approx(exp(2.0 * pi / omega), rel=0.1)
 
 
-@pytest.mark.parametrize("direction", [5, 9, 10, 29])
-def test_a_saddle_is_found_where_deviations_grow_little_at_the_guess(direction: int) -> None:
-    # x = cos(t / 2) / 2 is a solution about which deviations obey y'' = y: the multipliers are exp(+-4 pi).
-    def rhs(t: float, x: Any, p: Any) -> Any:
-        return x[1], -0.125 * cos(0.5 * t) + sin(x[0] - 0.5 * cos(0.5 * t))
-
-    pendulum = stroboscopic_map(ForcedSystem(rhs, {}, period=4.0 * pi, coordinates=("x", "v")))
-    turned = 2.0 * pi * direction / 48.0
-    orbit = periodic_orbit(pendulum, [0.5 + 0.006 * np.cos(turned), 0.006 * np.sin(turned)])
-    np.testing.assert_allclose(orbit.points, [[0.5, 0.0]], atol=1e-9)
-    assert abs(orbit.multipliers[0]) == pytest.approx(exp(4.0 * pi), rel=1e-4)
-
-
 @pytest.mark.parametrize(("r", "periods"), [(3.0, [1, 1]), (3.0 + 1e-7, [1, 1, 2]), (1.0 + 6.0**0.5, [1, 1, 2])])
-def test_orbits_at_a_period_doubling_are_found_once(r: float, periods: list[int]) -> None:
+def test_orbits_at_a_period_doubling_are_found_once(r, periods):
     """At 3 and 1 + sqrt 6 the logistic map doubles a period: P^2 - x, and P^4 - x, have a triple zero there."""
     logistic = discrete_map(lambda x, p: (p.r * x[0] * (1.0 - x[0]),), {"r": r}, ("x",))
     found = find_periodic_orbits(logistic, CellGrid((-0.21,), (1.2,), (300,)), longest_period=4)
@@ -243,10 +195,11 @@ def test_orbits_at_a_period_doubling_are_found_once(r: float, periods: list[int]
     assert [o.period for o in found] == [1, 1]
 
 
-def test_an_attractor_in_coarse_cells() -> None:
+@pytest.mark.thorough
+def test_an_attractor_in_coarse_cells():
     """The one orbit of a weakly forced oscillator with a nonlinear absorber, to which all 1,296 cells converge."""
 
-    def rhs(t: float, s: Any, p: Any) -> Any:
+    def rhs(t, s, p):
         force = p.k * (s[0] - s[2]) ** 3 + 0.2 * (s[1] - s[3])
         return s[1], 0.015 * cos(p.w * t) - s[0] - 0.01 * s[1] - 0.05 * force, s[3], force
 
