@@ -1,42 +1,38 @@
 """Bifurcations of forced systems, along branches and curves, against the numbers of AUTO-07p in tests/reference/."""
 
-from __future__ import annotations
-
 import json
-from collections.abc import Mapping, Sequence
 from math import cos, pi, sin
-from typing import Any
 
 import numpy as np
 import pytest
 
-from cellmap import ForcedSystem, PointMap, continue_orbit, periodic_orbit, stroboscopic_map
-from cellmap.bifurcations import BifurcationKind, Branch, OrbitFunction, continue_bifurcation
-from tests.reference.auto import RESULTS, SYSTEMS, Forced
+from cellmap import ForcedSystem, continue_orbit, periodic_orbit, stroboscopic_map
+from cellmap.bifurcations import BifurcationKind, OrbitFunction, continue_bifurcation
+from tests.reference.auto import RESULTS, SYSTEMS
 
 NUMBERS = json.loads(RESULTS.read_text(encoding="utf-8"))
-QUICK = ("two wells", "FitzHugh-Nagumo")
+TIERS = dict.fromkeys(("two wells", "FitzHugh-Nagumo"), "thorough")
 KINDS = {"BRANCH_POINT": "PITCHFORK"}
 CLOSE = 1e-6
 
 
-def point_map(system: Forced) -> PointMap:
+def point_map(system):
     formula = system.rhs
 
-    def rhs(t: float, x: Any, p: Any) -> Any:
+    def rhs(t, x, p):
         return formula(x, cos(p.w * t), sin(p.w * t), p)
 
     names = tuple(f"x{k}" for k in range(len(system.guess)))
     return stroboscopic_map(ForcedSystem(rhs, system.params, lambda p: 2 * pi / p.w, names), rtol=1e-12, atol=1e-12)
 
 
-def branch_of(system: Forced) -> Branch:
+def branch_of(system):
     exact = point_map(system)
     guess = exact.iterate(system.guess, system.settle).points if system.settle else system.guess
     return continue_orbit(exact, periodic_orbit(exact, guess), system.free, *system.interval)
 
 
-def compared(branch: Branch, rows: Sequence[Mapping[str, Any]]) -> None:
+def compared(branch, rows):
     """Hold bifurcations of a branch against numbers, kind by kind."""
     for row in rows:
         kind = BifurcationKind[KINDS.get(row["kind"], row["kind"])]
@@ -44,14 +40,8 @@ def compared(branch: Branch, rows: Sequence[Mapping[str, Any]]) -> None:
         assert min(abs(v - row[branch.parameter]) for v in found) < CLOSE, (row, found)
 
 
-@pytest.mark.parametrize("name", QUICK)
-def test_bifurcations_of_branches(name: str) -> None:
-    compared(branch_of(SYSTEMS[name]), NUMBERS["systems"][name]["along"])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SYSTEMS)
-def test_bifurcations_of_branches_and_curves(name: str) -> None:
+@pytest.mark.parametrize("name", [pytest.param(n, marks=getattr(pytest.mark, TIERS.get(n, "slow"))) for n in SYSTEMS])
+def test_bifurcations_of_branches_and_curves(name):
     """AUTO stops beside the values of the second parameter by up to 1e-7: the curves are looked at where it does."""
     system, branch, numbers = SYSTEMS[name], branch_of(SYSTEMS[name]), NUMBERS["systems"][name]
     compared(branch, numbers["along"])

@@ -1,93 +1,96 @@
 """Ends of branches of limit cycles: Hopf points, homoclinic orbits, saddle-nodes on circles, and edges of sections."""
 
-from collections.abc import Callable
 from math import pi, sin, sqrt
 
 import numpy as np
 import pytest
+from branch_kinds import DEGENERATE, FOLD, PITCHFORK, kinds, values
+from cases import branch_of, thorough
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
-from cellmap import ForcedSystem, angle, continue_orbit, periodic_orbit, section_map
-from cellmap.bifurcations import BifurcationKind, Branch, OrbitFunction, switch_branch
+from cellmap import ForcedSystem, angle, periodic_orbit, section_map
+from cellmap.bifurcations import OrbitFunction, switch_branch
 
 
-def lure() -> Branch:
+def lure():
     """Lur'e's system: the eigenvalues at 0 are roots of s^3 + a s^2 + s + 1, imaginary at a = 1."""
     system = ForcedSystem(
         lambda t, u, p: (u[1], u[2], -p.a * u[2] - u[1] - u[0] + u[0] ** 2), {"a": 0.9}, 1.0, ("x", "y", "z")
     )
     section = section_map(system, ("y", 0.0, 1), rtol=1e-11, atol=1e-11)
-    orbit = periodic_orbit(section, section.iterate([-0.2, 0.2], 80).points)
-    return continue_orbit(section, orbit, "a", 0.85, 1.05, step=0.1)
+    return branch_of(section, section.iterate([-0.2, 0.2], 80).points, "a", 0.85, 1.05, step=0.1)
 
 
-def circles(sign: float) -> Branch:
+def circles(sign):
     """Normal form of a Hopf bifurcation at mu = 0, with a fold of cycles at mu = -1/4 where it is subcritical."""
 
-    def rhs(t, x, p):  # type: ignore[no-untyped-def]
+    def rhs(t, x, p):
         square = x[0] ** 2 + x[1] ** 2
         grows = p.mu + sign * square - (square * square if sign > 0 else 0.0)
         return x[0] * grows - x[1], x[1] * grows + x[0]
 
     section = section_map(ForcedSystem(rhs, {"mu": 0.1}, 3.0, ("x", "y")), ("y", 0.0, 1))
     first = sqrt(0.1) if sign < 0 else sqrt(0.5 + sqrt(0.35))
-    return continue_orbit(section, periodic_orbit(section, [first]), "mu", -0.5, 0.2, step=0.1)
+    return branch_of(section, [first], "mu", -0.5, 0.2, step=0.1)
 
 
 @pytest.mark.parametrize(
     ("branch_of", "folds"),
-    [(lure, []), (lambda: circles(-1.0), []), (lambda: circles(1.0), [-0.25])],
-    ids=["Lur'e", "supercritical", "subcritical"],
+    [(lambda: circles(-1.0), []), thorough(lambda: circles(1.0), [-0.25]), thorough(lure, [])],
+    ids=["supercritical", "subcritical", "Lur'e"],
 )
-def test_a_cycle_that_shrinks_ends_at_the_hopf_point(branch_of: Callable[[], Branch], folds: list[float]) -> None:
+def test_a_cycle_that_shrinks_ends_at_the_hopf_point(branch_of, folds):
     branch = branch_of()
     (end,) = (e for e in branch.ends if e != "left the interval")
     reason, value = end.split("=")
     assert reason.startswith("the orbit shrinks to an equilibrium at ")
     assert abs(float(value) - (1.0 if branch.parameter == "a" else 0.0)) < 2e-9
-    np.testing.assert_allclose([b.value for b in branch.of_kind(BifurcationKind.FOLD)], folds, atol=1e-9)
-    assert not branch.of_kind(BifurcationKind.DEGENERATE)
+    np.testing.assert_allclose(values(branch, FOLD), folds, atol=1e-9)
+    assert not branch.of_kind(DEGENERATE)
 
 
-def test_a_running_state_ends_at_a_homoclinic_orbit() -> None:
+def test_a_running_state_ends_at_a_homoclinic_orbit():
     """Josephson junction, beta = 4: by SciPy (DOP853, 1e-11) the retrapping current is 0.597383 to 0.597385."""
     junction = ForcedSystem(lambda t, x, p: (x[1], (p.i - sin(x[0]) - x[1]) / 4.0), {"i": 0.65}, 5.0, (angle("f"), "v"))
     section = section_map(junction, ("f", 0.0, 1))
-    branch = continue_orbit(section, periodic_orbit(section, section.iterate([1.0], 30).points), "i", 0.3, 0.7)
+    branch = branch_of(section, section.iterate([1.0], 30).points, "i", 0.3, 0.7)
     assert branch.ends[0] == f"the period grows without bound at i={branch.values[0]:.10g}: homoclinic orbit"
     assert 0.5973831 < branch.values[0] < 0.5973846
 
 
-def on_a_circle(max_time: float | None) -> Branch:
+def on_a_circle(max_time):
     """On the unit circle the angle has the rate w - sin(angle): the period is 2 pi / sqrt(w^2 - 1)."""
 
-    def rhs(t, x, p):  # type: ignore[no-untyped-def]
+    def rhs(t, x, p):
         inwards = 1.0 - x[0] ** 2 - x[1] ** 2
         return x[0] * inwards - x[1] * (p.w - x[1]), x[1] * inwards + x[0] * (p.w - x[1])
 
     section = section_map(ForcedSystem(rhs, {"w": 1.2}, 6.0, ("x", "y")), ("x", 0.0, 1), max_time)
-    return continue_orbit(section, periodic_orbit(section, [-1.0]), "w", 0.5, 1.4, step=0.1)
+    return branch_of(section, [-1.0], "w", 0.5, 1.4, step=0.1)
 
 
-def test_a_cycle_ends_at_a_saddle_node_on_it() -> None:
+@pytest.mark.thorough
+def test_a_cycle_ends_at_a_saddle_node_on_it():
     branch = on_a_circle(None)
     assert branch.ends[0].startswith("the period grows without bound at w=1.00005")
     assert branch.ends[0].endswith(": saddle-node on an invariant circle")
 
 
-def test_a_period_that_reaches_the_longest_time_is_told() -> None:
+@pytest.mark.thorough
+def test_a_period_that_reaches_the_longest_time_is_told():
     branch = on_a_circle(20.0)
     assert branch.ends[0] == "the return time reaches max_time=20"
     assert abs(branch.values[0] - sqrt(1.0 + (2.0 * pi / 20.0) ** 2)) < 1e-4
 
 
-def test_the_backbone_of_the_undamped_duffing_oscillator() -> None:
+@pytest.mark.thorough
+def test_the_backbone_of_the_undamped_duffing_oscillator():
     """The period of x'' = -x - x^3 with amplitude a is 4 K(m) / sqrt(1 + a^2), m = a^2 / (2 (1 + a^2))."""
     free = ForcedSystem(lambda t, x, p: (x[1], -x[0] - x[0] ** 3 + p.d * x[1]), {"d": 0.0}, 2.0, ("x", "v"))
     section = section_map(free, ("v", 0.0, -1), rtol=1e-11, atol=1e-11)
     until = {"top": lambda t, x, p: 0.5 * x[0] ** 2 + 0.25 * x[0] ** 4 + 0.5 * x[1] ** 2 - 2550.0}
-    family = continue_orbit(section, periodic_orbit(section, [1.0]), "d", -0.1, 0.1, step=0.1, until=until)
+    family = branch_of(section, [1.0], "d", -0.1, 0.1, step=0.1, until=until)
     assert family.is_family and family.bifurcations == ()
     assert family.ends[1].startswith("the orbit shrinks to an equilibrium at d=") and family.ends[0] == "top"
     a = family.points[:, 0]
@@ -96,27 +99,33 @@ def test_the_backbone_of_the_undamped_duffing_oscillator() -> None:
     np.testing.assert_allclose(section.returns(family.points).times, periods, rtol=1e-9)
 
 
-def test_a_nonlinear_normal_mode_is_a_family_with_a_branch_point() -> None:
+NORMAL_MODES = (
+    lambda t, x, p: (x[2], x[3], -2 * x[0] + x[1] - 0.5 * x[0] ** 3 + p.d * x[2], -2 * x[1] + x[0] + p.d * x[3]),
+    {"d": 0.0},
+    2.0,
+    ("x1", "x2", "v1", "v2"),
+)
+
+
+@pytest.mark.thorough
+def test_a_nonlinear_normal_mode_is_a_family_with_a_branch_point():
     """The in-phase mode of two oscillators (Kerschen et al. 2009), against SciPy; at rest its frequency is 1."""
-
-    def rhs(t, x, p):  # type: ignore[no-untyped-def]
-        return x[2], x[3], -2 * x[0] + x[1] - 0.5 * x[0] ** 3 + p.d * x[2], -2 * x[1] + x[0] + p.d * x[3]
-
-    pair = ForcedSystem(rhs, {"d": 0.0}, 2.0, ("x1", "x2", "v1", "v2"))
+    pair = ForcedSystem(*NORMAL_MODES)
     section = section_map(pair, ("v1", 0.0, -1), rtol=1e-11, atol=1e-11)
-    mode = periodic_orbit(section, [2.6, 6.429553940490983, 0.0])
-    family = continue_orbit(section, mode, "d", -0.1, 0.1, step=0.03, max_points=3)
+    for guess in ([0.3, 0.3, 0.0], [0.3, -0.3, 0.0], [1.0, 1.5, 0.0], [0.01, 0.01, 0.0]):
+        (point,) = periodic_orbit(section, guess).points
+        assert np.abs(section(point) - point).max() < 1e-12 and np.abs(point - guess).max() < 0.15 * max(guess)
+    family = branch_of(section, [2.6, 6.429553940490983, 0.0], "d", -0.1, 0.1, step=0.03, max_points=3)
     assert family.is_family and len(family.bifurcations) == 1 and {0, 1} == set(family.unstable.tolist())
     ends = family.points[[0, -1]]
     for point, time in zip(ends, section.returns(ends).times, strict=True):
         start = [*point[:2], 0.0, point[2]]
-        end = solve_ivp(
-            lambda t, x: rhs(t, x, pair.parameters), (0.0, time), start, "DOP853", rtol=1e-12, atol=1e-12
-        ).y[:, -1]
+        end = solve_ivp(pair.fun, (0.0, time), start, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
         np.testing.assert_allclose(end, start, atol=1e-8)
 
 
-def test_three_oscillators_with_a_two_to_one_resonance() -> None:
+@pytest.mark.thorough
+def test_three_oscillators_with_a_two_to_one_resonance():
     """In-phase motion of equal oscillators x'' = -x - x^3 that springs couple is that of one, a cn(t, m).
 
     Deviations in the mode of the frequency sqrt(1 + 4.5) obey Lame's equation y'' + (h - 6 m sn^2) y = 0 with
@@ -124,34 +133,55 @@ def test_three_oscillators_with_a_two_to_one_resonance() -> None:
     h = 2 (1 + m + sqrt(1 - m + m^2)) (Ince 1940): a = 1, and a^2 = sqrt(15 / 4) - 1.
     """
 
-    def rhs(t, x, p):  # type: ignore[no-untyped-def]
+    def rhs(t, x, p):
         left, right = 1.5 * (x[1] - x[0]), 1.5 * (x[2] - x[1])
         pulls = (left, right - left, -right)
         return *x[3:], *(-x[j] - x[j] ** 3 + pulls[j] + p.d * x[3 + j] for j in range(3))
 
     names = ("x1", "x2", "x3", "v1", "v2", "v3")
     section = section_map(ForcedSystem(rhs, {"d": 0.0}, 2.0, names), ("v1", 0.0, -1), rtol=1e-11, atol=1e-11)
-    mode = periodic_orbit(section, [0.95, 0.95, 0.95, 0.0, 0.0])
     until = {"top": OrbitFunction("x1", "maximum", value=1.1), "bottom": OrbitFunction("x1", value=0.9)}
-    family = continue_orbit(section, mode, "d", -0.1, 0.1, step=0.02, until=until)
+    family = branch_of(section, [0.95, 0.95, 0.95, 0.0, 0.0], "d", -0.1, 0.1, step=0.02, until=until)
     assert family.is_family and sorted(family.ends) == ["bottom", "top"]
     assert np.ptp(family.points[[0, -1], 0]) == pytest.approx(0.2, abs=1e-12)
-    assert [b.kind for b in family.bifurcations] == 2 * [BifurcationKind.PITCHFORK]
+    assert kinds(family) == [PITCHFORK, PITCHFORK]
     found = sorted(b.point[:3].tolist() for b in family.bifurcations)
     np.testing.assert_allclose(found, [3 * [sqrt(sqrt(3.75) - 1.0)], 3 * [1.0]], rtol=1e-10)
     other = switch_branch(family, max(family.bifurcations, key=lambda b: b.point[0]), -0.1, 0.1, max_points=3)
     assert other.is_family and abs(other.points[-1, 3]) > 0.01
 
 
-@pytest.mark.parametrize("guess", [[0.3, 0.3, 0.0], [0.3, -0.3, 0.0], [1.0, 1.5, 0.0], [0.01, 0.01, 0.0]])
-def test_an_orbit_of_a_family_is_found_beside_a_guess(guess: list[float]) -> None:
-    """The nonlinear normal modes of two oscillators; steps along the family lead to the equilibrium."""
-    system = ForcedSystem(
-        lambda t, x, p: (x[2], x[3], -2 * x[0] + x[1] - 0.5 * x[0] ** 3, -2 * x[1] + x[0]),
-        {},
-        2.0,
-        ("x", "y", "u", "v"),
-    )
-    section = section_map(system, ("u", 0.0, -1), rtol=1e-11, atol=1e-11)
-    (point,) = periodic_orbit(section, guess).points
-    assert np.abs(section(point) - point).max() < 1e-12 and np.abs(point - guess).max() < 0.15 * max(guess)
+# Van der Pol's equation through the canard explosion, against the asymptotic canard value.
+
+
+def shifted(t, x, p):
+    """epsilon x' = y - x^3 / 3 + x, y' = a - x, with u = x - a: the equilibrium is on the section u = 0."""
+    u = x[0] + p.a
+    return (x[1] - u**3 / 3 + u) / p.epsilon, -x[0]
+
+
+def canard_value(epsilon):
+    """Return a at the maximal canard (Zvonkin, Shubin 1984), without terms of order 4."""
+    return 1.0 - epsilon / 8.0 - 3.0 * epsilon**2 / 32.0 - 173.0 * epsilon**3 / 1024.0
+
+
+def cycles(epsilon, begin, max_points):
+    system = ForcedSystem(shifted, {"a": begin + 1e-3, "epsilon": epsilon}, 1.0, ("u", "y"))
+    section = section_map(system, ("u", 0.0, 1), rtol=1e-12, atol=1e-12)
+    start = section.iterate([0.5], 20).points
+    return branch_of(section, start, "a", begin, 1.0, step=0.05, max_points=max_points)
+
+
+@pytest.mark.slow
+def test_the_canard_explosion():
+    large, small = cycles(0.1, 0.98, 300), cycles(0.05, 0.99, 200)
+    y = large.points[:, 0]
+    canards = (y > 0.2) & (y < 1.1)
+    assert canards.sum() >= 10
+    assert np.ptp(large.values[canards]) < 3e-5  # in which the cycle shrinks by most of its size
+    assert y.min() < 0.1
+    errors = [abs(large.values[canards].mean() - canard_value(0.1))]
+    canards = (small.points[:, 0] > 0.6) & (small.points[:, 0] < 1.0)
+    errors.append(abs(small.values[canards].mean() - canard_value(0.05)))
+    assert errors[0] < 1e-4
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.8)  # the order of what is left out

@@ -1,7 +1,5 @@
 """All branches in a window: curves in closed form, isolas among them, and those of the driven pendulum."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np
@@ -15,15 +13,14 @@ from systems import driven_pendulum, duffing_oscillator, logistic_map
 WINDOW = CellGrid((-2.05,), (5.0,), (150,))
 
 
-def test_two_isolas_and_a_line() -> None:
-    # Fixed points on the circles x^2 + q^2 = 1 and (x - 3)^2 + (q - 0.5)^2 = 1/4, and at x = 4.5.
-    exact = discrete_map(
-        lambda x, p: (
-            x[0] + 0.02 * (1 - x[0] ** 2 - p.q**2) * (0.25 - (x[0] - 3) ** 2 - (p.q - 0.5) ** 2) * (x[0] - 4.5),
-        ),
-        {"q": 0.0},
-        ("x",),
-    )
+def two_circles_and_a_line(x, p):
+    """Fixed points on the circles x^2 + q^2 = 1 and (x - 3)^2 + (q - 0.5)^2 = 1/4, and at x = 4.5."""
+    return (x[0] + 0.02 * (1 - x[0] ** 2 - p.q**2) * (0.25 - (x[0] - 3) ** 2 - (p.q - 0.5) ** 2) * (x[0] - 4.5),)
+
+
+@pytest.mark.thorough
+def test_two_isolas_and_a_line():
+    exact = discrete_map(two_circles_and_a_line, {"q": 0.0}, ("x",))
     found = find_branches(exact, "q", -2.0, 2.0, WINDOW, step=0.03)
     assert (len(found.branches), len(found.isolas)) == (3, 2)
     large, small = sorted(found.isolas, key=lambda b: float(b.points.mean()))
@@ -37,13 +34,13 @@ def test_two_isolas_and_a_line() -> None:
     assert not found.connected.any()
 
 
-def test_an_isola_between_two_values_is_missed() -> None:
+def test_an_isola_between_two_values_is_missed():
     exact = discrete_map(lambda x, p: (x[0] + 0.3 * (0.01 - x[0] ** 2 - p.q**2),), {"q": 0.0}, ("x",))
     assert find_branches(exact, "q", -2.0, 2.0, WINDOW, n_values=2).branches == ()
     assert len(find_branches(exact, "q", -2.0, 2.0, WINDOW, n_values=9).isolas) == 1
 
 
-def test_an_isola_that_the_second_search_alone_finds_is_told() -> None:
+def test_an_isola_that_the_second_search_alone_finds_is_told():
     """The values of the first search are -1.2361 and 0.7639; the isola is around the one between."""
     exact = discrete_map(lambda x, p: (x[0] + 0.3 * (0.01 - x[0] ** 2 - (p.q + 0.2) ** 2),), {"q": 0.0}, ("x",))
     with pytest.warns(
@@ -55,15 +52,9 @@ def test_an_isola_that_the_second_search_alone_finds_is_told() -> None:
     assert found.missed.tolist() == found.orbits.tolist() == [0, 0]
 
 
-def test_orbits_that_coarse_cells_miss_are_told() -> None:
-    """Fixed points on two circles and a line, as above: one to five at each value, of which eight cells miss one."""
-    exact = discrete_map(
-        lambda x, p: (
-            x[0] + 0.02 * (1 - x[0] ** 2 - p.q**2) * (0.25 - (x[0] - 3) ** 2 - (p.q - 0.5) ** 2) * (x[0] - 4.5),
-        ),
-        {"q": 0.0},
-        ("x",),
-    )
+def test_orbits_that_coarse_cells_miss_are_told():
+    """One to five fixed points at each value, of which eight cells miss one."""
+    exact = discrete_map(two_circles_and_a_line, {"q": 0.0}, ("x",))
     with pytest.warns(UserWarning, match=r"orbits on the branches at q=0\.391985 were missed"):
         found = find_branches(exact, "q", -2.0, 2.0, CellGrid((-2.05,), (5.0,), (8,)), step=0.03)
     q = found.values
@@ -72,7 +63,7 @@ def test_orbits_that_coarse_cells_miss_are_told() -> None:
     assert repr(found).endswith(f"at 9 values, {found.missed.sum()} missed)")
 
 
-def test_branches_of_the_logistic_map_are_found_once() -> None:
+def test_branches_of_the_logistic_map_are_found_once():
     """The fixed points 0 and 1 - 1/mu, in parts up to 1 and from 1 on, and the doubled orbits from 3 and 1 + sqrt 6."""
     region = CellGrid((-0.21,), (1.2,), (300,))
     found = find_branches(logistic_map(2.8), "mu", 0.5, 3.5, region, longest_period=4)
@@ -83,7 +74,8 @@ def test_branches_of_the_logistic_map_are_found_once() -> None:
     assert found.not_followed == ()
 
 
-def test_branches_of_the_driven_pendulum() -> None:
+@pytest.mark.thorough
+def test_branches_of_the_driven_pendulum():
     """The hanging and the inverted state, two saddles from 2.329 mm on, and rotations both ways from 1.7318 mm on."""
     exact = stroboscopic_map(driven_pendulum(amplitude=0.003), rtol=1e-12, atol=1e-12)
     region = CellGrid((-pi, -500), (pi, 500), (80, 80))
@@ -96,7 +88,8 @@ def test_branches_of_the_driven_pendulum() -> None:
     assert found.connected.sum() == 2
 
 
-def test_subharmonic_isolas_of_the_duffing_oscillator() -> None:
+@pytest.mark.thorough
+def test_subharmonic_isolas_of_the_duffing_oscillator():
     """Two of period 2, mirror images shifted by half a period, and a branch of period 3, none connected to others."""
     exact = stroboscopic_map(duffing_oscillator(damping=0.05, forcing=3.0))
     window = CellGrid((-5.0, -10.0), (5.0, 10.0), (30, 30))
@@ -118,14 +111,3 @@ def test_subharmonic_isolas_of_the_duffing_oscillator() -> None:
     assert len(closed) > 40
     inside = (np.abs(closed) < (5.0, 10.0)).all(axis=1)
     assert np.abs(closed[inside][:, None] - known).max(axis=-1).min(axis=1).max() < 1e-7
-
-
-def test_bad_input_is_refused() -> None:
-    exact = logistic_map(2.8)
-    region = CellGrid((0.0,), (1.0,), (10,))
-    with pytest.raises(ValueError, match="upper=1"):
-        find_branches(exact, "mu", 2.0, 1.0, region)
-    with pytest.raises(ValueError, match="parameter='nu'"):
-        find_branches(exact, "nu", 2.0, 3.0, region)
-    with pytest.raises(ValueError, match="n_values=0"):
-        find_branches(exact, "mu", 2.0, 3.0, region, n_values=0)

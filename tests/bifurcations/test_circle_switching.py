@@ -1,23 +1,16 @@
 """Invariant circles from Neimark-Sacker bifurcations, attracting and repelling, against circles in closed form."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin
-from typing import Any
 
 import numpy as np
 import pytest
+from cases import branch_at_rest, branch_of, delayed_logistic, quotient, thorough
 
-from cellmap import PointMap, continue_orbit, discrete_map, periodic_orbit
-from cellmap.bifurcations import Branch, continue_circle, switch_circle
-
-
-def quotient(x: Any, y: Any, u: Any, v: Any) -> Any:
-    """Return (x + i y) / (u + i v)."""
-    return (x * u + y * v) / (u * u + v * v), (y * u - x * v) / (u * u + v * v)
+from cellmap import discrete_map
+from cellmap.bifurcations import continue_circle, switch_circle
 
 
-def subcritical(x: Any, p: Any) -> Any:
+def subcritical(x, p):
     """w -> w (1 + mu + s - s^2) exp(i (1.1 + 0.3 s)) with s = |w|^2, in the coordinate z = w / (1 - c w).
 
     Circles are at mu = s^2 - s: repelling ones from 0 back to the fold at -1/4, from there on attracting ones.
@@ -29,24 +22,20 @@ def subcritical(x: Any, p: Any) -> Any:
     return quotient(u, v, 1 - p.c * u, -p.c * v)
 
 
-def beside_a_contraction(x: Any, p: Any) -> Any:
+def beside_a_contraction(x, p):
     """The same beside a contraction, on a curved surface."""
     image = subcritical(x[:2], p)
     return *image, 0.5 * image[0] * image[1] + 0.9 * (x[2] - 0.5 * x[0] * x[1])
 
 
-def plane() -> PointMap:
+def plane():
     return discrete_map(subcritical, {"mu": -0.1, "c": 0.3}, ("x", "y"))
 
 
-def orbits_of(exact: PointMap) -> Branch:
-    return continue_orbit(exact, periodic_orbit(exact, [0.0] * exact.dimension), "mu", -0.4, 0.2)
-
-
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_a_repelling_circle_and_its_fold(dimension: int) -> None:
+@pytest.mark.parametrize("dimension", [2, thorough(3)])
+def test_a_repelling_circle_and_its_fold(dimension):
     space = discrete_map(beside_a_contraction, {"mu": -0.1, "c": 0.3}, ("x", "y", "z"))
-    branch = orbits_of(plane() if dimension == 2 else space)
+    branch = branch_at_rest(plane() if dimension == 2 else space, "mu", -0.4, 0.2)
     (bifurcation,) = branch.bifurcations
     circles = switch_circle(branch, bifurcation, -0.4, 0.2)
     assert circles.ends == ("bifurcation", "left the interval")
@@ -65,8 +54,8 @@ def test_a_repelling_circle_and_its_fold(dimension: int) -> None:
         np.testing.assert_allclose(circles.decay[5:], -np.log(0.3 * np.sqrt(s[5:])), rtol=0.05)
 
 
-def test_a_circle_is_where_it_should_be() -> None:
-    branch = orbits_of(plane())
+def test_a_circle_is_where_it_should_be():
+    branch = branch_at_rest(plane(), "mu", -0.4, 0.2)
     circles = switch_circle(branch, branch.bifurcations[0], -0.4, 0.2, max_points=12)
     circle, mu = circles.circles[-1], circles.values[-1]
     assert circle is not None
@@ -75,38 +64,28 @@ def test_a_circle_is_where_it_should_be() -> None:
     np.testing.assert_allclose(u * u + v * v, 0.5 - np.sqrt(0.25 + mu), atol=1e-9)
 
 
-def test_the_attracting_circle_of_the_delayed_logistic_map() -> None:
-    delayed = discrete_map(lambda x, p: (p.a * x[0] * (1 - x[1]), x[0]), {"a": 1.9}, ("x", "y"))
-    branch = continue_orbit(delayed, periodic_orbit(delayed, [0.5, 0.5]), "a", 1.5, 2.1)
+@pytest.mark.thorough
+def test_the_attracting_circle_of_the_delayed_logistic_map():
+    branch = branch_of(delayed_logistic(1.9, 1.0), [0.5, 0.5], "r", 1.5, 2.1)
     circles = switch_circle(branch, branch.bifurcations[0], 1.5, 2.1)
-    orbits = continue_circle(delayed, "a", circles.values[[-10, -1]], [0.5, 0.4])
+    orbits = continue_circle(branch.point_map, "r", circles.values[[-10, -1]], [0.5, 0.4])
     np.testing.assert_allclose(circles.rotation[[-10, -1]], orbits.rotation, atol=1e-10)
     np.testing.assert_allclose(circles.exponents[[-10, -1]], orbits.exponents, atol=1e-8)
     assert (circles.exponents < 0.0).all()
 
 
-def test_circles_of_a_doubled_orbit() -> None:
+def test_circles_of_a_doubled_orbit():
     """Two curves that the map exchanges, around (1, 0, 1) and (-1, 0, -1)."""
 
-    def exchanged(x: Any, p: Any) -> Any:
+    def exchanged(x, p):
         shifted = x[0] - x[2], x[1]
         image = subcritical(shifted, p)
         return image[0] - x[2], image[1], -x[2] * (1.5 - 0.5 * x[2] * x[2])
 
     exact = discrete_map(exchanged, {"mu": -0.1, "c": 0.3}, ("x", "y", "z"))
-    branch = continue_orbit(exact, periodic_orbit(exact, [1.0, 0.0, 1.0], 2), "mu", -0.4, 0.2)
+    branch = branch_of(exact, [1.0, 0.0, 1.0], "mu", -0.4, 0.2, 2)
     circles = switch_circle(branch, branch.bifurcations[0], -0.4, 0.2, max_points=8)
     assert all(c is not None and len(c.coefficients) == 2 for c in circles.circles)
     assert circles.invariance_errors.max() < 1e-8
     s = (2.0 * pi * circles.rotation - 2.2) / 0.6
     np.testing.assert_allclose(circles.values, s * s - s, atol=1e-9)
-
-
-def test_bad_arguments() -> None:
-    branch = orbits_of(plane())
-    with pytest.raises(ValueError, match="must contain the bifurcation"):
-        switch_circle(branch, branch.bifurcations[0], 0.1, 0.2)
-    logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 2.8}, ("x",))
-    doubled = continue_orbit(logistic, periodic_orbit(logistic, [0.6]), "r", 2.5, 3.2)
-    with pytest.raises(ValueError, match="give a Neimark-Sacker bifurcation"):
-        switch_circle(doubled, doubled.bifurcations[0], 2.5, 3.2)

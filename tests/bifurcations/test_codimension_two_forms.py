@@ -1,26 +1,20 @@
 """Normal forms of bifurcations of codimension two, against closed forms."""
 
-from __future__ import annotations
-
 from cmath import exp
-from math import cos, gamma, pi, sin, sqrt
+from dataclasses import replace
+from math import cos, gamma, pi, sin
 from typing import Any
 
 import numpy as np
 import pytest
+from branch_kinds import NEIMARK_SACKER, POINT
 
-from cellmap import ForcedSystem, PointMap, continue_orbit, discrete_map, periodic_orbit, stroboscopic_map
-from cellmap.bifurcations import (
-    CodimensionTwoForm,
-    CodimensionTwoKind,
-    codimension_two_form,
-    continue_bifurcation,
-)
-
-POINT = CodimensionTwoKind
+from cellmap import ForcedSystem, discrete_map, stroboscopic_map
+from cellmap.bifurcations import CodimensionTwoKind, NewCurve, codimension_two_form
+from cellmap.bifurcations.orbit_births import born_curves
 
 
-def assert_meets(found: CodimensionTwoForm, expected: dict[str, complex]) -> None:
+def assert_meets(found, expected):
     """Compare coefficients with closed forms, to three of the errors that are stated, which are small."""
     for name, value in expected.items():
         assert abs(found.coefficients[name] - value) <= 3.0 * found.errors[name] <= 1e-11 * (1.0 + abs(value)), name
@@ -33,12 +27,12 @@ P, Q = (0.3, -0.2, 0.15), (-0.25, 0.4, 0.1)
 UNITS = 10.0, 10.0
 
 
-def bend(c: tuple[float, ...], u: Any) -> Any:
+def bend(c, u):
     return u * u * (c[0] + u * (c[1] + u * c[2]))
 
 
-def seen_elsewhere(form: Any) -> PointMap:
-    def image(x: Any, p: Any) -> Any:
+def seen_elsewhere(form):
+    def image(x, p):
         u, y = x[0] / UNITS[0], x[1] / UNITS[1]
         u = u - bend(Q, y)
         u, v = form(u, y - bend(P, u))
@@ -48,14 +42,14 @@ def seen_elsewhere(form: Any) -> PointMap:
     return discrete_map(image, {"s": 0.0}, ("x", "y"))
 
 
-def times(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[Any, Any]:
+def times(a, b):
     return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]
 
 
-def turned(multiplier: complex, c: complex = 0.0, c5: complex = 0.0, b2: complex = 0.0, b3: complex = 0.0) -> Any:
+def turned(multiplier, c=0.0, c5=0.0, b2=0.0, b3=0.0):
     """Map z -> mu (z + c z abs(z)^2 + c5 z abs(z)^4 + b2 conj(z)^2 + b3 conj(z)^3)."""
 
-    def form(u: Any, v: Any) -> Any:
+    def form(u, v):
         r, bar = u * u + v * v, (u, -v)
         two = times(bar, bar)
         three = times(two, bar)
@@ -97,17 +91,15 @@ CASES: list[tuple[CodimensionTwoKind, Any, dict[str, complex], dict[str, int]]] 
 
 
 @pytest.mark.parametrize(("kind", "form", "expected", "powers"), CASES, ids=[str(c[0]) for c in CASES])
-def test_normal_forms_in_other_coordinates(
-    kind: CodimensionTwoKind, form: Any, expected: dict[str, complex], powers: dict[str, int]
-) -> None:
+def test_normal_forms_in_other_coordinates(kind, form, expected, powers):
     found = codimension_two_form(seen_elsewhere(form), [0.0, 0.0], kind)
     assert_meets(found, {name: value / UNITS[0] ** powers[name] for name, value in expected.items()})
     assert found.degenerate == ()
     assert found.exact
 
 
-def test_all_terms_of_three_critical_multipliers() -> None:
-    def both(x: Any, p: Any) -> Any:
+def test_all_terms_of_three_critical_multipliers():
+    def both(x, p):
         r, u = x[0] ** 2 + x[1] ** 2, x[2]
         plane = times((1.0 + 0.2 * u + 0.3 * u * u - 0.4 * r, 0.1 * u + 0.25 * r), (x[0], x[1]))
         return *times((ANGLE.real, ANGLE.imag), plane), p.sign * u + p.a * u * u + p.b * r - 0.6 * u**3 + 0.8 * u * r
@@ -123,7 +115,7 @@ def test_all_terms_of_three_critical_multipliers() -> None:
     assert_meets(flip, {"a": -0.6, "b": 1.6, "c": c, "d": ANGLE * (-0.8 + 0.5j)})
 
 
-def test_the_fifth_order_of_a_flip() -> None:
+def test_the_fifth_order_of_a_flip():
     # The second iterate of -x + a2 x^2 - a2^2 x^3 + a4 x^4 + a5 x^5 is x - 2 e x^5, by inserting the series.
     a2, a4, a5 = 0.7, 0.3, -0.4
     exact = discrete_map(
@@ -134,70 +126,12 @@ def test_the_fifth_order_of_a_flip() -> None:
     assert_meets(codimension_two_form(exact, [0.0], POINT.GENERALISED_FLIP), {"e": -0.5 * float(twice[5])})
 
 
-# The generalised Henon map (y, alpha - beta x - y^2 + R x y), by inserting its only second derivatives by hand.
-
-
-@pytest.mark.parametrize("r", [-0.1, 0.3])
-def test_the_generalised_henon_map(r: float) -> None:
-    exact = discrete_map(
-        lambda x, p: (x[1], p.alpha - p.beta * x[0] - x[1] ** 2 + p.R * x[0] * x[1]),
-        {"alpha": 0.0, "beta": 1.0, "R": r},
-        ("x", "y"),
-    )
-
-    def form(kind: CodimensionTwoKind, trace: float, determinant: float) -> CodimensionTwoForm:
-        x = trace / (r - 2.0)
-        beta = determinant + r * x
-        there = exact.with_params(alpha=x + beta * x + x * x - r * x * x, beta=beta)
-        return codimension_two_form(there, [x, x], kind)
-
-    root = sqrt(2.0)
-    assert_meets(form(POINT.RESONANCE_1_1, 2.0, 1.0), {"a": (r - 1.0) / root, "b": (r - 2.0) / root})
-    c, d = -(1.0 + r) / 4.0, (1.0 + r / 2.0) * (3.0 + r) / 4.0
-    assert_meets(form(POINT.RESONANCE_1_2, -2.0, 1.0), {"c": c, "d": d, "s": d + 3.0 * c})
-    quadratic = {"a": (r - 1.0) / (2.0 * root), "b": -(1.0 + r) / (2.0 * root), "e": -1.0 / root}
-    assert_meets(form(POINT.FOLD_FLIP, 0.0, -1.0), quadratic)
-
-    def two(u: complex, v: complex, s: complex, t: complex) -> complex:
-        return -2.0 * v * t + r * (u * t + v * s)
-
-    for kind, mu in ((POINT.RESONANCE_1_3, THIRD), (POINT.RESONANCE_1_4, 1j)):
-        # q = (1, mu)/sqrt(2), p has the second component p2, and (z - A)^-1 (0, 1) = (1, z)/(z^2 - trace z + 1).
-        trace, bar = 2.0 * mu.real, mu.conjugate()
-        p2, found = -mu * root / (1.0 - mu**2), form(kind, trace, 1.0)
-        mean = two(1.0, mu, 1.0, bar) / 2.0 / (2.0 - trace)
-        first = p2 * two(1.0, mu, 1.0, 1.0) * mean / root
-        if kind is POINT.RESONANCE_1_3:
-            b = p2 * two(1.0, bar, 1.0, bar) / 4.0
-            assert_meets(found, {"b": b})
-            continue
-        double = two(1.0, mu, 1.0, mu) / 2.0 / (mu**4 - trace * mu**2 + 1.0)
-        c = first + 0.5 * p2 * two(1.0, bar, 1.0, mu**2) * double / root
-        double = two(1.0, bar, 1.0, bar) / 2.0 / (mu**4 - trace * mu**2 + 1.0)
-        d = 0.5 * p2 * two(1.0, bar, 1.0, mu**2) * double / root
-        assert_meets(found, {"c": c, "d": d, "a": -1j * c / abs(d)})
-
-
-def test_points_of_a_curve_have_their_forms() -> None:
-    # Delayed logistic map with the delay in a part c: at its 1:2, 1:3 and 1:4 resonances r = 5, 4, 3.
-    exact = discrete_map(
-        lambda x, p: (p.r * x[0] * (1 - (1 - p.c) * x[0] - p.c * x[1]), x[0]), {"r": 2.5, "c": 0.4}, ("x", "y")
-    )
-    branch = continue_orbit(exact, periodic_orbit(exact, [0.6, 0.6]), "r", 1.2, 8.0, step=0.03)
-    (circle,) = branch.bifurcations
-    curve = continue_bifurcation(branch, circle, "c", (1.2, 8.0), (0.0, 1.2), step=0.03)
-    for point, r, c in zip(curve.codimension_two(), (5.0, 4.0, 3.0), (1 / 4, 1 / 3, 1 / 2), strict=True):
-        there = codimension_two_form(exact.with_params(r=r, c=c), [1.0 - 1.0 / r] * 2, point.kind)
-        assert point.normal_form is not None
-        assert_meets(point.normal_form, there.coefficients)
-        assert point.normal_form.degenerate == ()
-
-
-def test_a_chenciner_bifurcation_of_a_forced_flow() -> None:
+@pytest.mark.thorough
+def test_a_chenciner_bifurcation_of_a_forced_flow():
     """In closed form abs(z) -> abs(z) (1 - T abs(z)^4) for z' = i z (1 + abs(z)^2) - z abs(z)^4, so that l2 = -4 T."""
     period, size = 2.3, 0.7
 
-    def rhs(t: float, x: Any, p: Any) -> Any:
+    def rhs(t, x, p):
         w = 2.0 * pi / period
         s, ds = size * cos(w * t), -size * w * sin(w * t)
         u, v = x[0] - s * x[1] ** 2, x[1]
@@ -213,12 +147,8 @@ def test_a_chenciner_bifurcation_of_a_forced_flow() -> None:
 # What is not known, and what is not there.
 
 
-def test_coefficients_that_vanish_are_named() -> None:
-    exact = discrete_map(lambda x, p: (x[0] + p.s * x[0] ** 4,), {"s": 1.0}, ("x",))
-    assert codimension_two_form(exact, [0.0], POINT.CUSP).degenerate == ("c",)
-
-
-def test_differences_give_no_fifth_order() -> None:
+@pytest.mark.thorough
+def test_differences_give_no_fifth_order():
     exact = discrete_map(lambda x, p: (-x[0] + x[0] ** 3 + x[0] ** 5 + 0.0 * gamma(2.0 + x[0]),), {"s": 1.0}, ("x",))
     flip = codimension_two_form(exact, [0.0], POINT.GENERALISED_FLIP)
     assert not flip.exact
@@ -230,12 +160,16 @@ def test_differences_give_no_fifth_order() -> None:
     assert abs(cusp.coefficients["c"] + 1.0) <= 3.0 * cusp.errors["c"] < 1e-6
 
 
-def test_multipliers_of_another_kind_are_refused() -> None:
-    exact = discrete_map(lambda x, p: (0.5 * x[0], -x[1]), {"s": 1.0}, ("x", "y"))
-    with pytest.raises(ValueError, match=r"kind=.*1:4 resonance.*multipliers"):
-        codimension_two_form(exact, [0.0, 0.0], POINT.RESONANCE_1_4)
+def test_coefficients_that_vanish_are_named():
+    exact = discrete_map(lambda x, p: (x[0] + p.s * x[0] ** 3 + x[0] ** 4,), {"s": 0.0}, ("x",))
+    assert codimension_two_form(exact, [0.0], POINT.CUSP).degenerate == ("c",)
+    shown = repr(codimension_two_form(exact.with_params(s=-1.0), [0.0], POINT.CUSP))
+    assert shown.startswith("CodimensionTwoForm(cusp, c=-1 +- ")
 
 
-def test_a_form_is_shown_in_a_line() -> None:
-    exact = discrete_map(lambda x, p: (x[0] - x[0] ** 3,), {"s": 1.0}, ("x",))
-    assert repr(codimension_two_form(exact, [0.0], POINT.CUSP)).startswith("CodimensionTwoForm(cusp, c=-1 +- ")
+def test_nothing_is_said_of_orbits_born_at_degenerate_points():
+    found = codimension_two_form(seen_elsewhere(CASES[4][1]), [0.0, 0.0], POINT.RESONANCE_1_2)
+    negative = replace(found, coefficients=found.coefficients | {"c": -0.7 + 0j})
+    assert born_curves(POINT.RESONANCE_1_2, negative) == (NewCurve(NEIMARK_SACKER, 2),)
+    assert born_curves(POINT.RESONANCE_1_2, found) == born_curves(POINT.RESONANCE_1_2, None) == ()
+    assert born_curves(POINT.RESONANCE_1_2, replace(negative, degenerate=("s",))) == ()

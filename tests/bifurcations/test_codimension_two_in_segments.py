@@ -1,59 +1,34 @@
 """Points of codimension two of orbits with large multipliers, and of two pairs of multipliers, in closed form."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin
-from typing import Any
 
 import numpy as np
 import pytest
+from branch_kinds import DOUBLING, FOLD, NEIMARK_SACKER, POINT
+from cases import branch_at_rest, branch_of, thorough
 
-from cellmap import ForcedSystem, PointMap, continue_orbit, discrete_map, periodic_orbit, stroboscopic_map
-from cellmap.bifurcations import (
-    BifurcationCurve,
-    BifurcationKind,
-    CodimensionTwo,
-    CodimensionTwoKind,
-    continue_bifurcation,
-    switch_curve,
-)
+from cellmap import discrete_map
+from cellmap.bifurcations import continue_bifurcation, switch_curve
 
-POINT = CodimensionTwoKind
 BOX = (-0.4, 0.6), (-0.5, 0.5)
 
 
-def curve_in_segments(exact: PointMap, start: Any, period: int, kind: BifurcationKind) -> BifurcationCurve:
+def curve_in_segments(exact, start, period, kind):
     """Return the curve of a bifurcation of an orbit with a large multiplier, over p and q."""
-    branch = continue_orbit(exact, periodic_orbit(exact, start, period), "p", *BOX[0], step=0.1)
+    branch = branch_of(exact, start, "p", *BOX[0], period, step=0.1)
     curve = continue_bifurcation(branch, branch.of_kind(kind)[0], "q", *BOX, step=0.1)
     assert curve._problem.orbits.nodes > 1
     assert np.abs(curve.multipliers).max() > 1e7
     return curve
 
 
-def assert_form(point: CodimensionTwo, expected: dict[str, complex], rtol: float) -> None:
+def assert_form(point, expected, rtol):
     assert point.normal_form is not None
     for name, value in expected.items():
         assert point.normal_form.coefficients[name] == pytest.approx(value, rel=rtol), name
 
 
-def test_a_cusp_beside_a_multiplier_of_1e8() -> None:
-    """y' = p + q y - y^3 is driven by x - cos t, which is zero on the orbit: 27 p^2 = 4 q^3, and y -> y - 2 pi y^3."""
-
-    def rhs(t: float, x: Any, p: Any) -> Any:
-        return 3.0 * (x[0] - cos(t)) - sin(t), p.p + p.q * x[1] - x[1] ** 3 + 0.1 * (x[0] - cos(t))
-
-    exact = stroboscopic_map(ForcedSystem(rhs, {"p": 0.1, "q": 0.3}, 2 * pi, ("x", "y")), rtol=1e-11, atol=1e-11)
-    curve = curve_in_segments(exact, [1.0, 0.66], 1, BifurcationKind.FOLD)
-    p, q = curve.values.T
-    np.testing.assert_allclose(27.0 * p**2, 4.0 * q**3, atol=1e-11)
-    (cusp,) = curve.codimension_two()
-    assert cusp.kind is POINT.CUSP
-    np.testing.assert_allclose([*cusp.values, *cusp.point], [0.0, 0.0, 1.0, 0.0], atol=1e-10)
-    assert_form(cusp, {"c": -2.0 * pi}, 1e-9)
-
-
-def alternating(function: Any, growth: float = 1e4, **more: float) -> PointMap:
+def alternating(function, growth=1e4, **more):
     """Return (x, y, s) -> (growth x + y, s F(y), -s (6 - s^2)/5): of period 2 at s = 1, with y -> -F(F(y))."""
     return discrete_map(
         lambda x, p: (growth * x[0] + x[1], x[2] * function(x[1], p), -x[2] * (6.0 - x[2] ** 2) / 5.0),
@@ -62,10 +37,10 @@ def alternating(function: Any, growth: float = 1e4, **more: float) -> PointMap:
     )
 
 
-def test_a_generalised_flip_beside_a_multiplier_of_1e8() -> None:
+def test_a_generalised_flip_beside_a_multiplier_of_1e8():
     """F(y) = (1 + p) y + q y^3 + y^5: -F(F(y)) has the multiplier -(1 + p)^2 and is -y - 2 y^5 for p = q = 0."""
     exact = alternating(lambda y, p: (1.0 + p.p) * y + p.q * y**3 + y**5)
-    curve = curve_in_segments(exact, [0.0, 0.0, 1.0], 2, BifurcationKind.PERIOD_DOUBLING)
+    curve = curve_in_segments(exact, [0.0, 0.0, 1.0], 2, DOUBLING)
     (point,) = curve.codimension_two()
     assert point.kind is POINT.GENERALISED_FLIP
     np.testing.assert_allclose(point.values, 0.0, atol=1e-11)
@@ -75,20 +50,21 @@ def test_a_generalised_flip_beside_a_multiplier_of_1e8() -> None:
         switch_curve(curve, point, *BOX)
 
 
-def test_a_fold_flip_beside_a_multiplier_of_1e8() -> None:
+@pytest.mark.thorough
+def test_a_fold_flip_beside_a_multiplier_of_1e8():
     """A further z -> z + q - z^2 has the fixed points z^2 = q, and the flip is at p = -0.4 z: both meet at z = 0."""
 
-    def image(x: Any, p: Any) -> Any:
+    def image(x, p):
         y, z, s = x[1], x[2], x[3]
         turned = s * ((1.0 + p.p) * y + 0.5 * y**3 + 0.4 * y * z)
         return 1e4 * x[0] + y, turned, z + p.q - z * z + 0.3 * y * y, -s * (6.0 - s**2) / 5.0
 
     exact = discrete_map(image, {"p": 0.2, "q": 0.16}, ("x", "y", "z", "s"))
-    curve = curve_in_segments(exact, [0.0, 0.0, 0.4, 1.0], 2, BifurcationKind.PERIOD_DOUBLING)
+    curve = curve_in_segments(exact, [0.0, 0.0, 0.4, 1.0], 2, DOUBLING)
     (point,) = (p for p in curve.codimension_two() if p.kind is POINT.FOLD_FLIP)
     np.testing.assert_allclose(point.values, 0.0, atol=1e-10)
     folds = switch_curve(curve, point, *BOX, step=0.2)
-    assert folds.kind is BifurcationKind.FOLD
+    assert folds.kind is FOLD
     np.testing.assert_allclose(folds.values[:, 1], 0.0, atol=1e-11)
 
 
@@ -99,7 +75,7 @@ COEFFICIENTS = (-1.0 + 0.3j, 0.4 - 0.2j), (-0.7 + 0.5j, -0.6 + 0.1j)
 MIXED = np.array([[1.0, 0.2, -0.3, 0.1], [0.0, 1.0, 0.4, 0.2], [0.3, -0.2, 1.0, 0.0], [0.1, 0.1, 0.2, 1.0]])
 
 
-def coupled(x: Any, p: Any) -> Any:
+def coupled(x, p):
     inner = [sum(float(c) * v for c, v in zip(row, x, strict=True)) for row in np.linalg.inv(MIXED)]
     sizes = inner[0] ** 2 + inner[1] ** 2, inner[2] ** 2 + inner[3] ** 2
     images = []
@@ -113,12 +89,12 @@ def coupled(x: Any, p: Any) -> Any:
     return tuple(sum(float(c) * v for c, v in zip(row, images, strict=True)) for row in MIXED)
 
 
-@pytest.mark.parametrize(("first", "start"), [(0, {"p": -0.2, "q": -0.3}), (1, {"p": -0.4, "q": -0.2})])
-def test_two_curves_of_neimark_sacker_bifurcations_intersect(first: int, start: dict[str, float]) -> None:
+@pytest.mark.parametrize(("first", "start"), [thorough(0, {"p": -0.2, "q": -0.3}), (1, {"p": -0.4, "q": -0.2})])
+def test_two_curves_of_neimark_sacker_bifurcations_intersect(first, start):
     """The curves are p = -q/2 and q = p/5, with both pairs on the unit circle at p = q = 0."""
     exact = discrete_map(coupled, start, ("x", "y", "u", "v"))
     names, box = ("p", "q")[:: 1 - 2 * first], ((-0.5, 0.4), (-0.5, 0.4))
-    branch = continue_orbit(exact, periodic_orbit(exact, [0.0] * 4), names[0], *box[0], step=0.03)
+    branch = branch_at_rest(exact, names[0], *box[0], step=0.03)
     curve = continue_bifurcation(branch, branch.bifurcations[0], names[1], *box, step=0.07)
     p, q = curve.values.T if first == 0 else curve.values.T[::-1]
     np.testing.assert_allclose(p if first == 0 else q, -q / 2.0 if first == 0 else p / 5.0, atol=1e-11)
@@ -134,17 +110,18 @@ def test_two_curves_of_neimark_sacker_bifurcations_intersect(first: int, start: 
     assert_form(point, expected, 1e-10)
 
 
-def test_a_neimark_sacker_curve_beside_a_multiplier_of_1e8() -> None:
+@pytest.mark.thorough
+def test_a_neimark_sacker_curve_beside_a_multiplier_of_1e8():
     """r -> r (1 + p + q r^2 - r^4) and an angle 0.3 + q/2 in each of two steps, of which one has the other sign."""
 
-    def image(x: Any, p: Any) -> Any:
+    def image(x, p):
         r, angle = x[1] ** 2 + x[2] ** 2, 0.3 + 0.5 * p.q
         factor = x[3] * (1.0 + p.p + p.q * r - r * r)
         u, v = cos(angle) * x[1] - sin(angle) * x[2], sin(angle) * x[1] + cos(angle) * x[2]
         return 1e4 * x[0] + x[1], factor * u, factor * v, -x[3] * (6.0 - x[3] ** 2) / 5.0
 
     exact = discrete_map(image, {"p": -0.25, "q": 0.33}, ("g", "u", "v", "s"))
-    curve = curve_in_segments(exact, [0.0, 0.0, 0.0, 1.0], 2, BifurcationKind.NEIMARK_SACKER)
+    curve = curve_in_segments(exact, [0.0, 0.0, 0.0, 1.0], 2, NEIMARK_SACKER)
     np.testing.assert_allclose(curve.values[:, 0], 0.0, atol=1e-11)
     points = {point.kind: point for point in curve.codimension_two()}
     # Two angles and half a circle make two thirds of a circle.

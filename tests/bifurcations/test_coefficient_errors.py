@@ -1,25 +1,20 @@
 """Errors of normal form coefficients are what they are said to be: random planar maps, against 40 digits by mpmath."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import mpmath as mp
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from branch_kinds import DOUBLING, NEIMARK_SACKER
+from cases import branch_of
 
-from cellmap import continue_orbit, discrete_map, periodic_orbit
-from cellmap.bifurcations import Bifurcation, BifurcationKind
+from cellmap import discrete_map
 
-DOUBLING, NEIMARK_SACKER = BifurcationKind.PERIOD_DOUBLING, BifurcationKind.NEIMARK_SACKER
 DIGITS = 40
 
 
 class RandomMap:
     """Map c + (A + p A') x + B(x, x)/2 + C(x, x, x)/6, with a multiplier -1 or a pair exp(+-i theta) near p = 0."""
 
-    def __init__(self, rng: np.random.Generator, kind: BifurcationKind) -> None:
+    def __init__(self, rng, kind):
         self.kind, theta = kind, rng.uniform(0.4, 2.7)
         turn = np.array([[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]])
         frame = rng.normal(size=(2, 2)) + 2.0 * np.eye(2)
@@ -35,39 +30,33 @@ class RandomMap:
         linear = (self.matrix + 0.05 * self.change) @ x
         self.constant = x - linear - (self.two / 2.0 + self.three @ x / 6.0) @ x @ x
 
-    def function(self) -> Any:
+    def function(self):
         c, a, change, two, three = (
             v.tolist() for v in (self.constant, self.matrix, self.change, self.two / 2.0, self.three / 6.0)
         )
+        pairs = [(j, k) for j in range(2) for k in range(2)]
 
-        def image(x: Any, p: Any) -> Any:
-            return tuple(
-                c[i]
-                + sum((a[i][j] + p.p * change[i][j]) * x[j] for j in range(2))
-                + sum(
-                    (two[i][j][k] + sum(three[i][j][k][m] * x[m] for m in range(2))) * x[j] * x[k]
-                    for j in range(2)
-                    for k in range(2)
-                )
-                for i in range(2)
-            )
+        def row(i, x, p):
+            linear = c[i] + sum((a[i][j] + p.p * change[i][j]) * x[j] for j in range(2))
+            bends = (two[i][j][k] + sum(three[i][j][k][m] * x[m] for m in range(2)) for j, k in pairs)
+            return linear + sum(bend * x[j] * x[k] for bend, (j, k) in zip(bends, pairs, strict=True))
 
-        return image
+        return lambda x, p: (row(0, x, p), row(1, x, p))
 
-    def bifurcations(self) -> tuple[Bifurcation, ...]:
+    def bifurcations(self):
         exact = discrete_map(self.function(), {"p": 0.05}, ("x", "y"))
-        branch = continue_orbit(exact, periodic_orbit(exact, self.state), "p", -0.3, 0.4, step=0.05, max_points=40)
+        branch = branch_of(exact, self.state, "p", -0.3, 0.4, step=0.05, max_points=40)
         return branch.of_kind(self.kind)
 
-    def coefficient(self, near: Bifurcation) -> Any:
+    def coefficient(self, near):
         """Return the coefficient at the bifurcation near a located one."""
         exactly = np.vectorize(mp.mpf, otypes=[object])
         two, three = exactly(self.two), exactly(self.three)
 
-        def matrix(x: Any, p: Any) -> NDArray[Any]:
+        def matrix(x, p):
             return exactly(self.matrix) + p * self.change + (two + three @ x / 2) @ x
 
-        def equations(*unknowns: Any) -> list[Any]:
+        def equations(*unknowns):
             x = np.array(unknowns[:2], dtype=object)
             (a, b), (c, d) = matrix(x, unknowns[2])
             test = a * d - b * c - 1 if self.kind is NEIMARK_SACKER else (a + 1) * (d + 1) - b * c
@@ -85,7 +74,7 @@ class RandomMap:
         q = q / mp.sqrt(abs(q[0]) ** 2 + abs(q[1]) ** 2)
         p, bar = p / (p @ q), np.array([mp.conj(u) for u in q])
 
-        def solved(factor: Any, rhs: Any) -> Any:
+        def solved(factor, rhs):
             return np.array(
                 mp.lu_solve(mp.matrix((factor * np.eye(2, dtype=object) - a).tolist()), mp.matrix(rhs.tolist())),
                 dtype=object,
@@ -99,7 +88,7 @@ class RandomMap:
         )
 
 
-def ratios(seed: int, count: int) -> NDArray[np.float64]:
+def ratios(seed, count):
     """Return the stated errors over the true ones."""
     rng, found = np.random.default_rng(seed), []
     with mp.workdps(DIGITS):
@@ -113,7 +102,8 @@ def ratios(seed: int, count: int) -> NDArray[np.float64]:
     return np.array(found)
 
 
-def test_stated_errors_are_near_the_true_ones() -> None:
+@pytest.mark.thorough
+def test_stated_errors_are_near_the_true_ones():
     found = ratios(0, 6)
     assert len(found) >= 3
     assert found.min() > 1.0 / 3.0
@@ -121,7 +111,7 @@ def test_stated_errors_are_near_the_true_ones() -> None:
 
 
 @pytest.mark.slow
-def test_stated_errors_are_near_the_true_ones_for_many_maps() -> None:
+def test_stated_errors_are_near_the_true_ones_for_many_maps():
     found = ratios(1, 200)
     assert len(found) >= 150
     assert np.mean(found < 1.0 / 3.0) < 0.02

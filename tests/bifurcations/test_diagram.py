@@ -1,36 +1,19 @@
 """Bifurcation diagrams: exact cycles and exponents, hysteresis against folds found by SciPy, orbits that end."""
 
-from __future__ import annotations
-
 from math import cos, log, pi, sin, sqrt, tanh
 
-import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 import systems
-from cellmap import (
-    CellGrid,
-    Status,
-    angle,
-    bifurcation_diagram,
-    discrete_map,
-    interpolated_map,
-    plot,
-    set_threads,
-    stroboscopic_map,
-)
+from cellmap import Status, angle, bifurcation_diagram, discrete_map, plot, set_threads, stroboscopic_map
 from cellmap.orbits.lyapunov_qr import exponents_of_cycles
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 
 LOGISTIC = systems.logistic_map()
 DUFFING = stroboscopic_map(systems.duffing_oscillator())
-PENDULUM = stroboscopic_map(systems.driven_pendulum())
-BIRTH = 1.731758671939e-3  # of the rotations, in m (REFERENCES.md)
 
 
 def parabola(x, p):
@@ -77,30 +60,12 @@ def test_doublings_and_windows_of_the_logistic_map():
     assert diagram.period[0].tolist() == list(periods.values())
 
 
-@pytest.mark.parametrize("r", [2.97, 2.99, 3.0, 3.44, 3.54])
-def test_slow_approach_is_no_longer_period(r):
+def test_slow_approach_is_no_longer_period():
     """Below a doubling an orbit comes in from side to side: it has no period yet, never twice the true one."""
-    true = 1 if r <= 3 else 2 if r < 1 + sqrt(6) else 4
     for transient in (0, 30, 100, 300, 1000, 5000):
-        found = bifurcation_diagram(LOGISTIC, "mu", [r], [0.3], "none", transient, exponents=False).period
-        assert found[0, 0] in (0, true)
-
-
-def test_exponent_of_the_logistic_map_at_four():
-    """ln 2 (REFERENCES.md)."""
-    diagram = bifurcation_diagram(LOGISTIC, "mu", [4.0], [0.3], follow="none", periods=20_000)
-    assert diagram.chaotic[0, 0]
-    assert diagram.standard_errors[0, 0, 0] < 1e-3
-    assert abs(diagram.exponents[0, 0, 0] - log(2)) < 4 * diagram.standard_errors[0, 0, 0]
-
-
-def test_exponents_of_the_henon_map():
-    """0.419 and -1.623 (REFERENCES.md); volumes shrink by 0.3 in each step."""
-    diagram = bifurcation_diagram(systems.henon_map(), "a", [1.4], [0.0, 0.0], follow="none", periods=20_000)
-    assert diagram.exponents[0, 0].sum() == pytest.approx(log(0.3), abs=1e-12)
-    error = diagram.standard_errors[0, 0]
-    assert (error < 3e-3).all()
-    assert (np.abs(diagram.exponents[0, 0] - [0.419, -1.623]) < 4 * error).all()
+        values = [2.97, 2.99, 3.0, 3.44, 3.54]
+        found = bifurcation_diagram(LOGISTIC, "mu", values, [0.3], "none", transient, exponents=False).period
+        assert all(period in (0, true) for period, true in zip(found[0], (1, 1, 1, 2, 4), strict=True))
 
 
 def test_long_cycles_of_strong_contraction():
@@ -162,6 +127,7 @@ def duffing():
     return bifurcation_diagram(DUFFING, "frequency", np.linspace(1.3, 1.8, 26), [0.0, 0.0], transient=300, periods=64)
 
 
+@pytest.mark.thorough
 def test_hysteresis_lies_between_the_folds(duffing, folds):
     """Each branch jumps at the first value beyond the fold of its attractor."""
     up, down = duffing.points[:, :, -1]
@@ -172,23 +138,8 @@ def test_hysteresis_lies_between_the_folds(duffing, folds):
     assert (duffing.period == 1).all()
     assert duffing.directions == ("up", "down")
     assert not duffing.restarted.any()
-
-
-def test_damping_is_the_sum_of_exponents(duffing):
-    """Liouville, with a period that depends on the parameter."""
+    # Liouville, with a period that depends on the parameter.
     assert duffing.exponents.sum(axis=-1) == pytest.approx(np.tile(-0.1 * 2 * pi / duffing.values, (2, 1)), abs=1e-10)
-
-
-def test_rotation_of_the_pendulum_is_followed_to_its_birth():
-    """Down from 3 mm it rotates until that is lost at BIRTH; up again it hangs."""
-    above = 10.0 ** np.arange(-5.0, -0.2, 0.25)  # close to its birth the basin is small, and so must be the steps
-    values = BIRTH * (1.0 + np.append([-1e-2, -1e-3, -1e-4, -1e-5], above))
-    rotation = np.array([2.520339579944, 1.019933227842 * 100 * pi])
-    down = bifurcation_diagram(PENDULUM, "amplitude", values, rotation, follow="down", periods=64)
-    assert down.rotation_numbers[0, :, 0].tolist() == (values > BIRTH).astype(float).tolist()
-    up = bifurcation_diagram(PENDULUM, "amplitude", values, [0.1, 0.0], follow="up", periods=64)
-    assert (up.rotation_numbers == 0.0).all()
-    assert down.exponents.sum(axis=-1) == pytest.approx(-0.2, abs=1e-9)  # damping 10 /s, period 20 ms
 
 
 def test_orbit_leaves_an_equilibrium_that_has_lost_its_stability():
@@ -245,15 +196,9 @@ def test_several_initial_conditions_are_branches():
     assert diagram.points[0] == pytest.approx(-diagram.points[1], abs=1e-5)
 
 
-def test_interpolated_map_serves_its_exact_map():
-    icm = interpolated_map(LOGISTIC, CellGrid((0.0,), (1.0,), (64,)))
-    by_table, direct = (bifurcation_diagram(m, "mu", [3.2, 3.5], [0.3]) for m in (icm, LOGISTIC))
-    assert (by_table.points == direct.points).all()
-
-
 @pytest.mark.parametrize("follow", ["both", "none"])
 def test_same_bits_for_any_number_of_threads(follow):
-    def diagram(threads: int):
+    def diagram(threads):
         set_threads(threads)
         return bifurcation_diagram(DUFFING, "frequency", np.linspace(1.3, 1.8, 5), [[0.0, 0.0], [1.0, 0.0]], follow, 50)
 
@@ -272,33 +217,6 @@ def test_batches_do_not_mix():
         assert alone.exponents[0, 0, 0] == pytest.approx(together.exponents[0, k, 0], abs=1e-13)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"point_map": 3}, "point_map=3"),
-        ({"parameter": "r"}, "'r'"),
-        ({"values": [3.0, 3.2, 3.1]}, "values goes up and down"),
-        ({"values": []}, "give a list of at least one value"),
-        ({"values": [3.0, np.nan]}, "values has the value nan"),
-        ({"values": "all"}, "give real numbers, one for each step"),
-        ({"initial_conditions": [0.3, 0.4]}, "initial_conditions has shape"),
-        ({"initial_conditions": [[[0.3]]]}, "initial_conditions has shape"),
-        ({"follow": "sideways"}, "follow='sideways'"),
-        ({"transient": -1}, "transient=-1"),
-        ({"periods": 19}, "periods=19"),
-        ({"longest_period": 65}, "longest_period=65"),
-        ({"tolerance": 0.0}, "tolerance=0.0"),
-        ({"perturbation": np.inf}, "perturbation"),
-        ({"perturbation": [1e-6, 1e-6]}, "perturbation"),
-        ({"values": np.linspace(3, 4, 1_000_001), "periods": 10**8}, "take fewer"),
-    ],
-)
-def test_bad_arguments_are_named(change, message):
-    arguments = {"point_map": LOGISTIC, "parameter": "mu", "values": [3.0, 3.2], "initial_conditions": [0.3]} | change
-    with pytest.raises((TypeError, ValueError, MemoryError), match=message.replace("[", r"\[")):
-        bifurcation_diagram(**arguments)
-
-
 # --- figures
 
 
@@ -308,31 +226,9 @@ def test_figure_shows_all_points(duffing):
     assert [line.get_xdata().size for line in drawn] == [26 * 64] * 2
     assert {t.get_text() for t in upper.get_legend().get_texts()} == {"up", "down"}
     assert (upper.get_ylabel(), lower.get_xlabel(), upper.get_title()) == ("$x$", "frequency", "Duffing")
-
-
-def test_figure_on_given_axes(duffing):
     _, ax = plt.subplots()
     assert plot.bifurcation_diagram(duffing, coordinate=1, ax=ax) == (ax,)
     assert (ax.get_ylabel(), ax.get_xlabel()) == ("$v$", "frequency")
-
-
-@pytest.mark.parametrize(("coordinate", "message"), [("y", "coordinate='y'"), (2, "coordinate=2")])
-def test_figure_of_no_coordinate(duffing, coordinate, message):
-    with pytest.raises(ValueError, match=message):
-        plot.bifurcation_diagram(duffing, coordinate=coordinate)
-    with pytest.raises(TypeError, match="diagram="):
-        plot.bifurcation_diagram(3)
-
-
-def test_orbits_leave_a_set_that_a_symmetry_keeps():
-    """Kopel's duopoly: x = y is kept by the map, and its fixed point 1 - 1/mu is a saddle beyond mu = 3."""
-
-    def duopoly(x, p):
-        return tuple((x[i] + p.mu * x[1 - i] * (1 - x[1 - i])) / 2 for i in range(2))
-
-    exact = discrete_map(duopoly, {"mu": 3.0}, ("x", "y"))
-    last = np.sort(bifurcation_diagram(exact, "mu", [2.9, 3.1, 3.3], [0.6, 0.6], follow="up").points[0, :, -1])
-    assert last[0] == pytest.approx(1 - 1 / 2.9, abs=1e-5)
-    for found, mu in zip(last[1:], (3.1, 3.3), strict=True):
-        cycle = np.sort(np.roots([1.0, -(1 + 1 / mu), (1 + 1 / mu) / mu]))  # of the second iterate of mu x (1 - x)
-        assert found == pytest.approx(cycle, abs=1e-5)
+    for wrong in ("y", 2):
+        with pytest.raises(ValueError, match=f"coordinate={wrong!r}"):
+            plot.bifurcation_diagram(duffing, coordinate=wrong)

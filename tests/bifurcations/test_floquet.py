@@ -1,28 +1,25 @@
 """Multipliers, critical values and maps of stability of equilibria."""
 
-from __future__ import annotations
-
 from math import cos, exp, pi, tanh
-from typing import Any
 
 import mpmath
 import numpy as np
 import pytest
-from mathieu import HANGING, INVERTED, mathieu
+from cases import HANGING, INVERTED, mathieu
 from scipy.special import mathieu_a, mathieu_b
 
 from cellmap import ForcedSystem, Status, set_threads, stability_map, stroboscopic_map
 from cellmap.bifurcations import Crossing, critical_values, floquet_multipliers
 from cellmap.maps import jacobian
-from systems import double_pendulum, driven_pendulum, triple_pendulum
+from systems import double_pendulum, driven_pendulum
 
 
-def _limits(system: ForcedSystem, state: Any, name: str, lower: float, upper: float, **options: Any) -> dict[str, Any]:
+def _limits(system, state, name, lower, upper, **options):
     found = critical_values(system, state, name, lower, upper, **options)
     return {"at": [c.value for c in found], "through": [c.crossing for c in found], "gains": [c.gains for c in found]}
 
 
-def test_multipliers_of_the_driven_pendulum() -> None:
+def test_multipliers_of_the_driven_pendulum():
     """The report's rod at 2 and 3 mm, by SciPy (tests/REFERENCES.md)."""
     result = floquet_multipliers(driven_pendulum(), INVERTED, {"amplitude": [0.002, 0.003]}, rtol=1e-13)
     pair = 0.865837958746 + 0.262783907940j
@@ -34,7 +31,7 @@ def test_multipliers_of_the_driven_pendulum() -> None:
     assert "2 parameter points, 1 without" in repr(result)
 
 
-def test_limits_of_the_driven_pendulum() -> None:
+def test_limits_of_the_driven_pendulum():
     inverted = _limits(driven_pendulum(), INVERTED, "amplitude", 1e-4, 0.11)
     assert inverted["at"][:2] == pytest.approx([2.329021135978e-3, 12.542910208e-3], rel=1e-10)
     assert inverted["at"][0] == pytest.approx(2.329021135978e-3, rel=1e-12)
@@ -49,13 +46,13 @@ def test_limits_of_the_driven_pendulum() -> None:
     assert [c.value for c in undamped] == pytest.approx([2.327849487651e-3], rel=1e-12)
 
 
-def test_principal_resonance() -> None:
+def test_principal_resonance():
     (lost,) = critical_values(mathieu(gamma=0.05), HANGING, "beta", 0.0, 0.2)
     assert lost.value == pytest.approx(0.050027335537, abs=1e-12)
     assert (lost.crossing, lost.below, lost.above, lost.loses) == (Crossing.MINUS_ONE, 0, 1, True)
 
 
-def test_curves_are_those_of_mathieu() -> None:
+def test_curves_are_those_of_mathieu():
     """Every characteristic value, in tongues that are down to 1e-5 wide."""
     plane = stability_map(mathieu(), HANGING, ("alpha", np.linspace(-0.4, 2.6, 60)), ("beta", [0.05, 0.3, 0.5, 1.0]))
     for beta in plane.y:
@@ -77,40 +74,11 @@ def test_curves_are_those_of_mathieu() -> None:
     assert not plane.status.any()
 
 
-def test_the_upper_limit_at_high_frequency() -> None:
-    """A/l = 0.454023 +- 1.679195/Omega^2, + for the inverted state: alpha = 1/Omega^2, beta = A/l."""
-    step = 1e-4
-    hanging, inverted = (
-        critical_values(mathieu(alpha=step), state, "beta", 0.3, 0.6, n_points=64)[0].value
-        for state in (HANGING, INVERTED)
-    )
-    assert 0.5 * (hanging + inverted) == pytest.approx(0.454023, abs=1e-6)
-    assert (inverted - hanging) / (2.0 * step) == pytest.approx(1.679195, abs=1e-6)
-
-
-def test_both_ways_to_the_derivative_agree() -> None:
-    """Random parameters, the frequency and thereby the period among them, against the stroboscopic map."""
-    rng = np.random.default_rng(5)
-    swept = {
-        "amplitude": rng.uniform(0.0, 0.02, 8),
-        "frequency": rng.uniform(20.0, 80.0, 8),
-        "length": rng.uniform(0.02, 0.07, 8),
-        "phase": rng.uniform(-3.0, 3.0, 8),
-        "damping": rng.uniform(0.0, 20.0, 8),
-    }
-    result = floquet_multipliers(driven_pendulum(), INVERTED, swept, rtol=1e-12)
-    for k in range(8):
-        system = driven_pendulum().with_params(**{name: float(v[k]) for name, v in swept.items()})
-        matrix = jacobian(stroboscopic_map(system, rtol=1e-12, atol=1e-12), INVERTED)
-        assert result.monodromy[k] == pytest.approx(matrix, rel=1e-9, abs=1e-9)
-        eigenvalues = np.linalg.eigvals(matrix)
-        assert np.sort_complex(result.multipliers[k]) == pytest.approx(np.sort_complex(eigenvalues), abs=1e-9)
-
-
-def test_right_hand_sides_without_quick_series() -> None:
+@pytest.mark.thorough
+def test_right_hand_sides_without_quick_series():
     """A forcing that saturates is stepped by a Runge-Kutta method; the third variable decays by itself."""
 
-    def rhs(t: float, x: Any, p: Any) -> tuple[float, float, float]:
+    def rhs(t, x, p):
         force = p.strength * tanh(3.0 * cos(p.rate * t)) * x[0] * (1.0 + x[2])
         return x[1], -x[0] - 0.1 * x[1] + force + x[2] ** 2, -p.decay * x[2]
 
@@ -127,22 +95,11 @@ def test_right_hand_sides_without_quick_series() -> None:
             assert np.abs(result.multipliers[i, j] - decay).min() < 1e-10
 
 
-def test_one_variable() -> None:
-    """x' = (rate + cos t) x is multiplied by exp(2 pi rate), and changes its stability at rate 0 through +1."""
-    system = ForcedSystem(lambda t, x, p: ((p.rate + cos(t)) * x[0] - x[0] ** 3,), {"rate": 0.1}, 2 * pi, ("x",))
-    rates = np.linspace(-5.0, 1.0, 7)
-    result = floquet_multipliers(system, [0.0], {"rate": rates})
-    assert result.multipliers[:, 0].real == pytest.approx(np.exp(2 * pi * rates), rel=1e-9, abs=1e-10)
-    assert result.determinant == pytest.approx(np.exp(2 * pi * rates), rel=1e-9)
-    (found,) = critical_values(system, [0.0], "rate", -0.7, 1.0)
-    assert found.value == pytest.approx(0.0, abs=1e-12)
-    assert (found.crossing, found.loses) == (Crossing.PLUS_ONE, True)
-
-
-def test_a_pair_crosses_where_damping_changes_sign() -> None:
+@pytest.mark.thorough
+def test_a_pair_crosses_where_damping_changes_sign():
     """Of two oscillators that do not feel each other one is excited from damping 0 on, and the other from 1/2 on."""
 
-    def rhs(t: float, x: Any, p: Any) -> tuple[float, float, float, float]:
+    def rhs(t, x, p):
         a, b, u, v = x
         return u, v, -1.3 * a + p.gain * u - a**2 * u, -(2.1 + 0.1 * cos(t)) * b - (0.5 - p.gain) * v
 
@@ -154,32 +111,14 @@ def test_a_pair_crosses_where_damping_changes_sign() -> None:
     assert [c.value for c in critical_values(system, np.zeros(4), "gain", -0.3, 0.9, n_points=64)] == [first.value]
 
 
-def test_zeros_of_even_order_are_found() -> None:
-    """Two equal oscillators lose their stability together: det(M - I) touches zero and keeps its sign."""
-
-    def rhs(t: float, x: Any, p: Any) -> tuple[float, float, float, float]:
-        a, b, u, v = x
-        stiffness = p.stiffness + 0.1 * cos(t)
-        return u, v, -stiffness * a - 0.2 * u, -stiffness * b - 0.2 * v
-
-    double = ForcedSystem(rhs, {"stiffness": 0.1}, 2 * pi, ("a", "b", "u", "v"))
-    single = ForcedSystem(
-        lambda t, x, p: rhs(t, (x[0], 0.0, x[1], 0.0), p)[::2], {"stiffness": 0.1}, 2 * pi, ("x", "v")
-    )
-    (one,) = critical_values(single, np.zeros(2), "stiffness", -0.1, 0.1, n_points=32)
-    (two,) = critical_values(double, np.zeros(4), "stiffness", -0.1, 0.1, n_points=32)
-    assert two.crossing == one.crossing == Crossing.PLUS_ONE
-    assert (two.below, one.below) == (2, 1)
-    assert two.value == pytest.approx(one.value, abs=1e-7)
-
-
-def test_neimark_sacker_of_the_double_pendulum() -> None:
+def test_neimark_sacker_of_the_double_pendulum():
     found = critical_values(double_pendulum(), (0.0, pi, 0.0, 0.0), "amplitude", 0.006, 0.02)
     assert [c.value for c in found] == pytest.approx([12.532158062e-3], rel=1e-10)
     assert (found[0].crossing, found[0].below, found[0].above) == (Crossing.NEIMARK_SACKER, 0, 2)
 
 
-def test_fast_drives_without_cancellation() -> None:
+@pytest.mark.thorough
+def test_fast_drives_without_cancellation():
     """A w fixed: the slow frequency is Hill's to 1e-12, and tends to Kapitza's; there the trace is 2 within 1e-7."""
     frequencies = np.array([500.0, 5e3, 5e4])
     swept = {"frequency": frequencies, "amplitude": 0.15 / frequencies}
@@ -194,14 +133,14 @@ def test_fast_drives_without_cancellation() -> None:
     assert gained.value == pytest.approx(0.5 * 0.0272 * np.sqrt(square * (1.0 + 7.0 * square / 64.0)), rel=1e-11)
 
 
-def _hill_frequency(frequency: float) -> float:
+def _hill_frequency(frequency):
     """Slow frequency (Hz) of the inverted rod at A w = 0.3 pi m/s from Hill's determinant, in 40 digits."""
     with mpmath.workdps(40):
         rate = 2 * mpmath.pi * mpmath.mpf(frequency)
         alpha = -mpmath.mpf(9.8) / mpmath.mpf(0.0272) / rate**2
         half = mpmath.mpf(0.15) / mpmath.mpf(frequency) / mpmath.mpf(0.0272) / 2
 
-        def determinant(exponent: Any) -> Any:
+        def determinant(exponent):
             matrix = mpmath.zeros(17)
             for i in range(17):
                 matrix[i, i] = alpha - (exponent + i - 8) ** 2
@@ -213,40 +152,7 @@ def _hill_frequency(frequency: float) -> float:
         return float(mpmath.findroot(determinant, (0.999 * near, 1.001 * near)) * frequency)
 
 
-def test_flipping_states_of_the_double_pendulum() -> None:
-    """At 24 Hz, undamped: the only stable states from 4.45 to 9.55 mm."""
-    system = double_pendulum(mass_2=1.0, frequency=24.0, damping=0.0)
-    expected = {
-        (0.0, 0.0): [3.523140841e-3],
-        (0.0, pi): [4.452842149e-3, 9.546244854e-3],
-        (pi, 0.0): [4.452842149e-3, 9.546244854e-3],
-        (pi, pi): [],
-    }
-    for angles, limits in expected.items():
-        found = _limits(system, (*angles, 0.0, 0.0), "amplitude", 1e-4, 0.012)
-        assert found["at"] == pytest.approx(limits, abs=5e-13)
-    for mass, frequency in ((1.0, 41.136433), (0.25, 21.418270)):
-        # All four are stable together from the frequency on where the last gain meets the first loss.
-        meeting = double_pendulum(mass_2=mass, frequency=frequency, damping=0.0)
-        limits = [_limits(meeting, (a, a, 0.0, 0.0), "amplitude", 1e-4, 0.03)["at"] for a in (0.0, pi)]
-        assert limits[0][0] == pytest.approx(limits[1][0], rel=1e-6)
-
-
-@pytest.mark.slow
-def test_all_eight_states_of_the_triple_pendulum() -> None:
-    system = triple_pendulum(damping=0.0)
-    lower, upper = 0.0, np.inf
-    for pattern in np.ndindex(2, 2, 2):
-        state = (*(pi * np.array(pattern)), 0.0, 0.0, 0.0)
-        for limit in critical_values(system, state, "amplitude", 1e-4, 0.004):
-            if limit.gains:
-                lower = max(lower, limit.value)
-            if limit.loses:
-                upper = min(upper, limit.value)
-    assert [lower, upper] == pytest.approx([1.955039e-3, 2.268102e-3], abs=1e-9)
-
-
-def test_a_map_is_what_its_parts_are() -> None:
+def test_a_map_is_what_its_parts_are():
     system = driven_pendulum()
     frequencies, amplitudes = np.linspace(30.0, 60.0, 7), np.linspace(0.001, 0.015, 9)
     plane = stability_map(system, INVERTED, ("frequency", frequencies), ("amplitude", amplitudes), progress=True)
@@ -264,7 +170,7 @@ def test_a_map_is_what_its_parts_are() -> None:
     assert repr(plane.columns) == "Boundary(7 PLUS_ONE, 7 MINUS_ONE)"
 
 
-def test_threads_change_no_bit() -> None:
+def test_threads_change_no_bit():
     swept = {"beta": np.linspace(0.0, 1.0, 9000)}
     results = []
     for threads in (1, 3):
@@ -277,7 +183,7 @@ def test_threads_change_no_bit() -> None:
     assert np.array_equal(alone.monodromy, results[0].monodromy[[0, 4321, 8999]])
 
 
-def test_shapes_and_points_without_a_matrix() -> None:
+def test_shapes_and_points_without_a_matrix():
     system = mathieu(gamma=0.05)
     assert floquet_multipliers(system, HANGING).multipliers.shape == (2,)
     assert floquet_multipliers(system, HANGING, {"beta": np.empty((0, 3))}).multipliers.shape == (0, 3, 2)
@@ -286,17 +192,3 @@ def test_shapes_and_points_without_a_matrix() -> None:
     assert (result.status == [Status.OK, Status.DIVERGED]).all()
     assert np.isnan(result.multipliers[:, 1]).all()
     assert (result.unstable[:, 1] == -1).all()
-
-
-def test_an_equilibrium_away_from_the_origin() -> None:
-    """Without forcing the multipliers are exponentials of the eigenvalues of the linearised system."""
-    system = ForcedSystem(
-        lambda t, x, p: (x[1], x[0] - x[0] ** 3 - p.delta * x[1]), {"delta": 0.1}, lambda p: 2.0, ("q", "v")
-    )
-    deltas = np.array([0.1, 1.0, 4.0])
-    result = floquet_multipliers(system, [-1.0, 0.0], {"delta": deltas}, rtol=1e-12)
-    for delta, found in zip(deltas, result.multipliers, strict=True):
-        expected = np.exp(2.0 * np.linalg.eigvals([[0.0, 1.0], [-2.0, -delta]]))
-        assert np.sort_complex(found) == pytest.approx(np.sort_complex(expected), abs=1e-11)
-    with pytest.raises(ValueError, match="v is not constant there but changes by"):
-        floquet_multipliers(system, [-1.001, 0.0], {"delta": deltas})

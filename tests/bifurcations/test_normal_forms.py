@@ -1,34 +1,27 @@
 """Normal forms of bifurcations: closed forms of discrete maps, differences of independent integrations of flows."""
 
-from __future__ import annotations
-
 from math import cos, gamma, hypot, pi, sin, sqrt
-from typing import Any
 
 import numpy as np
 import pytest
-from differences import Differences
-from numpy.typing import NDArray
+from branch_kinds import DOUBLING, FOLD, NEIMARK_SACKER, PITCHFORK
+from cases import branch_of
 
-from cellmap import ForcedSystem, PointMap, continue_orbit, discrete_map, periodic_orbit, stroboscopic_map
-from cellmap.bifurcations import Bifurcation, BifurcationKind, Criticality, NormalForm, normal_form
+from cellmap import ForcedSystem, discrete_map, stroboscopic_map
+from cellmap.bifurcations import Criticality, normal_form
 from cellmap.maps import Impact
 from cellmap.maps.stroboscopic import Stroboscopic
-from systems import double_pendulum, driven_pendulum, duffing_oscillator, henon_map, logistic_map
-
-FOLD, DOUBLING = BifurcationKind.FOLD, BifurcationKind.PERIOD_DOUBLING
-PITCHFORK, TRANSCRITICAL = BifurcationKind.PITCHFORK, BifurcationKind.TRANSCRITICAL
-NEIMARK_SACKER = BifurcationKind.NEIMARK_SACKER
+from systems import double_pendulum, logistic_map
 
 
-def form(bifurcation: Bifurcation) -> NormalForm:
+def form(bifurcation):
     found = bifurcation.normal_form
     assert found is not None
     assert found.kind is bifurcation.kind
     return found
 
 
-def assert_meets(found: NormalForm, expected: complex, criticality: str) -> None:
+def assert_meets(found, expected, criticality):
     """Compare with a closed form, to the error that is stated, which is small."""
     coefficient = complex(found.coefficient, found.imaginary)
     assert abs(coefficient - expected) <= found.error
@@ -40,66 +33,34 @@ def assert_meets(found: NormalForm, expected: complex, criticality: str) -> None
 # Discrete maps: the multilinear forms are those of polynomials, inserted into the formulas by hand.
 
 
-def test_the_logistic_map() -> None:
+def test_the_logistic_map():
     # f'' = -2 mu: a = f''/2 at 0, and b = f''^2/4 where f' = -1.
-    exact = logistic_map(2.0)
-    transcritical, doubling = continue_orbit(exact, periodic_orbit(exact, [0.5]), "mu", 0.5, 4.0).bifurcations
+    transcritical, doubling = branch_of(logistic_map(2.0), [0.5], "mu", 0.5, 4.0).bifurcations
     assert_meets(form(transcritical), -1.0, "generic")
     assert_meets(form(doubling), 9.0, "supercritical")
 
 
-def test_the_henon_map() -> None:
+def test_the_henon_map(henon):
     # q = (1, b)/n and p = (1, 1) n/(1 + b) at the fold, q = (1, -b)/n and p = (1, -1) n/(1 + b) at the doubling.
-    exact, b = henon_map(0.2, 0.3), 0.3
-    fold, doubling = continue_orbit(
-        exact, periodic_orbit(exact, [0.5, 0.2]), "a", -1.0, 1.4, max_points=300
-    ).bifurcations
-    n = sqrt(1.0 + b**2)
+    fold, doubling = henon.bifurcations
+    b, n = 0.3, sqrt(1.0 + 0.3**2)
     assert_meets(form(fold), 0.25 * (1.0 - b) ** 2 / ((1.0 + b) * n), "generic")
     assert_meets(form(doubling), (0.75 * (1.0 - b) ** 2) ** 2 / (n**2 * (1.0 - b**2)), "supercritical")
 
 
-@pytest.mark.parametrize("c", [1.0, 0.7])
-def test_the_delayed_logistic_map(c: float) -> None:
+def test_the_delayed_logistic_map():
     # At r = 2 theta = pi/3 and d = -(1 + i sqrt(3)) 2 c^2/(1 + c^2).
+    c = 0.7
     exact = discrete_map(lambda x, p: (p.r * x[0] * (1.0 - x[1]), p.c * x[0]), {"r": 1.7, "c": c}, ("x", "y"))
-    (found,) = continue_orbit(exact, periodic_orbit(exact, [0.4 / c, 0.4]), "r", 1.5, 2.3).bifurcations
+    (found,) = branch_of(exact, [0.4 / c, 0.4], "r", 1.5, 2.3).bifurcations
     assert_meets(form(found), -(1.0 + 1j * sqrt(3.0)) * 2.0 * c**2 / (1.0 + c**2), "supercritical")
 
 
-@pytest.mark.parametrize("r", [-0.1, 0.3, 1.4])
-def test_the_generalised_henon_map(r: float) -> None:
-    """Map (y, alpha - beta x - y^2 + R x y) of Gonchenko, Kuznetsov, Meijer, SIAM J. Appl. Dyn. Syst. 4 (2005) 407."""
-    exact = discrete_map(
-        lambda x, p: (x[1], p.alpha - p.beta * x[0] - x[1] ** 2 + p.R * x[0] * x[1]),
-        {"alpha": 0.0, "beta": 1.0, "R": r},
-        ("x", "y"),
-    )
-    # At the fixed point x the determinant is beta - R x and the trace (R - 2) x.
-    x = 0.4
-    beta = 1.0 + r * x
-    exact = exact.with_params(alpha=x + beta * x + x * x - r * x * x, beta=beta)
-    cosine = 0.5 * (r - 2.0) * x
-    mu = complex(cosine, sqrt(1.0 - cosine**2))
-    p2 = -mu * sqrt(2.0) / (1.0 - mu**2)
-
-    def quadratic(u: NDArray[Any], v: NDArray[Any]) -> Any:
-        return -2.0 * u[1] * v[1] + r * (u[0] * v[1] + u[1] * v[0])
-
-    def resolvent(z: complex) -> NDArray[Any]:
-        return np.array([1.0, z]) / (z * z - 2.0 * cosine * z + 1.0)
-
-    q = np.array([1.0, mu]) / sqrt(2.0)
-    mean, double = quadratic(q, q.conj()) * resolvent(1.0), quadratic(q, q) * resolvent(mu**2)
-    d = 0.5 * mu.conjugate() * p2 * (2.0 * quadratic(q, mean) + quadratic(q.conj(), double))
-    assert_meets(normal_form(exact, [x, x], NEIMARK_SACKER), d, "supercritical" if d.real < 0.0 else "subcritical")
-
-
 @pytest.mark.parametrize(("coupling", "kind"), [(-0.1, DOUBLING), (0.9, PITCHFORK)])
-def test_coupled_logistic_maps(coupling: float, kind: BifurcationKind) -> None:
+def test_coupled_logistic_maps(coupling, kind):
     # Out of phase, q = (1, -1)/sqrt(2), the multiplier is m f' with m = 1 - 2 coupling, and the coefficient
     # m f''^2/(4 (1 - f')).
-    def pair(x: Any, p: Any) -> Any:
+    def pair(x, p):
         f = [p.r * u * (1.0 - u) for u in x]
         return (1.0 - p.c) * f[0] + p.c * f[1], (1.0 - p.c) * f[1] + p.c * f[0]
 
@@ -107,20 +68,19 @@ def test_coupled_logistic_maps(coupling: float, kind: BifurcationKind) -> None:
     r = 2.0 - critical / m
     exact = discrete_map(pair, {"r": r - 0.1, "c": coupling}, ("x", "y"))
     x = 1.0 - 1.0 / (r - 0.1)
-    branch = continue_orbit(exact, periodic_orbit(exact, [x, x]), "r", r - 0.2, r + 0.1)
-    (found,) = branch.of_kind(kind)
+    (found,) = branch_of(exact, [x, x], "r", r - 0.2, r + 0.1).of_kind(kind)
     c = m * (2.0 * r) ** 2 / (4.0 * (r - 1.0))
     assert_meets(form(found), c, "supercritical" if (c > 0.0) is (kind is DOUBLING) else "subcritical")
 
 
-def test_the_second_iterate_has_the_coefficients_of_the_first() -> None:
+def test_the_second_iterate_has_the_coefficients_of_the_first():
     # At a doubling with x -> -x + b x^3 the second iterate is x -> x - 2 b x^3.
     exact = logistic_map(3.0)
     twice = normal_form(exact, [2.0 / 3.0], PITCHFORK, 2)
     assert_meets(twice, -18.0, "supercritical")
 
 
-def test_a_coefficient_that_vanishes_is_degenerate() -> None:
+def test_a_coefficient_that_vanishes_is_degenerate():
     # x -> -x + x^2 - x^3 + ...: b = f'''/6 + f''^2/4 = 0 where f = -x + s x^2 - s^2 x^3.
     for s in (0.5, 3.0):
         exact = discrete_map(lambda x, p: (-x[0] + p.s * x[0] ** 2 - p.s**2 * x[0] ** 3,), {"s": s}, ("x",))
@@ -129,14 +89,14 @@ def test_a_coefficient_that_vanishes_is_degenerate() -> None:
         assert abs(found.coefficient) <= found.error < 1e-9
 
 
-def test_a_double_multiplier_has_no_coefficient() -> None:
+def test_a_double_multiplier_has_no_coefficient():
     sheared = discrete_map(lambda x, p: (x[0] + x[1], x[1] + x[0] ** 2), {"s": 1.0}, ("x", "y"))
     found = normal_form(sheared, [0.0, 0.0], FOLD)
     assert found.criticality is Criticality.DEGENERATE
     assert np.isnan(found.coefficient)
 
 
-def test_units_change_the_coefficient_and_not_the_criticality() -> None:
+def test_units_change_the_coefficient_and_not_the_criticality():
     # In the unit s of x the coefficient of x^3 is multiplied by s^2.
     for s in (1e-6, 1e5):
         exact = discrete_map(lambda x, p: (3.0 * x[0] * (1.0 - x[0] / p.s),), {"s": s}, ("x",))
@@ -148,7 +108,8 @@ def test_units_change_the_coefficient_and_not_the_criticality() -> None:
 # Formulas that are unknown, and formulas with branches: differences of Jacobian matrices.
 
 
-def test_differences_serve_where_no_formulas_are_known() -> None:
+@pytest.mark.thorough
+def test_differences_serve_where_no_formulas_are_known():
     # Known to be -1 - i sqrt(3); formulas know no gamma function.
     exact = discrete_map(
         lambda x, p: (p.r * hypot(x[0], 0.0) * (1.0 - x[1]), x[0] + 0.0 * gamma(2.0 + x[0])), {"r": 2.0}, ("x", "y")
@@ -162,7 +123,8 @@ def test_differences_serve_where_no_formulas_are_known() -> None:
 # Flows.
 
 
-def test_a_doubling_beside_grazing() -> None:
+@pytest.mark.thorough
+def test_a_doubling_beside_grazing():
     """An orbit with one impact turns round 0.007 of its width before the wall: differences are taken in less than that.
 
     Witness: the map in closed form, differentiated three times by mpmath with 60 digits.
@@ -176,20 +138,21 @@ def test_a_doubling_beside_grazing() -> None:
         impacts=[wall],
     )
     exact = stroboscopic_map(system, rtol=1e-11, atol=1e-11)
-    found = normal_form(exact, [0.981714311569008, 0.17311436346097198], BifurcationKind.PERIOD_DOUBLING)
+    found = normal_form(exact, [0.981714311569008, 0.17311436346097198], DOUBLING)
     assert found.coefficient == pytest.approx(175.334965682, abs=found.error)
     assert found.error < 0.01
     assert found.criticality is Criticality.SUPERCRITICAL
 
 
-def test_a_forced_flow_with_a_closed_form() -> None:
+@pytest.mark.thorough
+def test_a_forced_flow_with_a_closed_form():
     """The equation z' = (lambda + i) z - (1 + i beta) z abs(z)^2 is solved in closed form: d = -2 T (1 + i beta).
 
     It is seen in the coordinates u + s(t) v^2 and v, where s has the period T of the forcing.
     """
     period, beta, size = 2.3, 0.4, 0.7
 
-    def rhs(t: float, x: Any, p: Any) -> Any:
+    def rhs(t, x, p):
         w = 2.0 * pi / period
         s, ds = size * cos(w * t), -size * w * sin(w * t)
         u, v = x[0] - s * x[1] ** 2, x[1]
@@ -199,48 +162,13 @@ def test_a_forced_flow_with_a_closed_form() -> None:
 
     system = ForcedSystem(rhs, {"growth": -0.1}, period, ("x", "y"))
     exact = stroboscopic_map(system, rtol=1e-12, atol=1e-12)
-    (found,) = continue_orbit(exact, periodic_orbit(exact, [0.0, 0.0]), "growth", -0.2, 0.1).bifurcations
+    (found,) = branch_of(exact, [0.0, 0.0], "growth", -0.2, 0.1).bifurcations
     assert found.value == pytest.approx(0.0, abs=1e-12)
     assert_meets(form(found), -2.0 * period * (1.0 + 1j * beta), "supercritical")
 
 
-@pytest.fixture(scope="module")
-def pendulum() -> PointMap:
-    return stroboscopic_map(driven_pendulum(amplitude=0.003), rtol=1e-12, atol=1e-12)
-
-
-def test_the_inverted_pendulum(pendulum: PointMap) -> None:
-    branch = continue_orbit(pendulum, periodic_orbit(pendulum, [pi, 0.0]), "amplitude", 0.001, 0.014)
-    for bifurcation, criticality in zip(branch.bifurcations, ("subcritical", "supercritical"), strict=True):
-        found = form(bifurcation)
-        assert found.criticality == criticality
-        system = driven_pendulum(amplitude=bifurcation.value)
-        expected = Differences(system, [pi, 0.0], (1.0, 30.0 * pi), 0.01).coefficient(bifurcation.kind)
-        assert found.coefficient == pytest.approx(expected, rel=1e-5)
-        assert found.error < 1e-9
-
-
-def test_the_hanging_pendulum_doubles_supercritically(pendulum: PointMap) -> None:
-    (doubling,) = continue_orbit(pendulum, periodic_orbit(pendulum, [0.0, 0.0]), "amplitude", 0.001, 0.014).bifurcations
-    system = driven_pendulum(amplitude=doubling.value)
-    expected = Differences(system, [0.0, 0.0], (1.0, 30.0 * pi), 0.01).coefficient(DOUBLING)
-    assert form(doubling).coefficient == pytest.approx(expected, rel=1e-5)
-    assert form(doubling).criticality is Criticality.SUPERCRITICAL
-
-
-def test_a_fold_of_the_forced_duffing_oscillator() -> None:
-    exact = stroboscopic_map(duffing_oscillator(damping=0.1, forcing=0.3, frequency=1.5), rtol=1e-12, atol=1e-12)
-    branch = continue_orbit(exact, periodic_orbit(exact, [0.0, 0.0]), "frequency", 1.2, 1.9)
-    for fold in branch.of_kind(FOLD):
-        system = duffing_oscillator(damping=0.1, forcing=0.3, frequency=fold.value)
-        expected = Differences(system, fold.point, (1.0, 1.0), 0.02).coefficient(FOLD)
-        assert form(fold).coefficient == pytest.approx(expected, rel=1e-5)
-        assert form(fold).criticality is Criticality.GENERIC
-
-
-def test_higher_variational_equations_agree_with_differences_in_four_dimensions(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+@pytest.mark.thorough
+def test_higher_variational_equations_agree_with_differences_in_four_dimensions(monkeypatch):
     """At 12.532158062 mm one state of the double pendulum is lost in a Neimark-Sacker bifurcation."""
     exact = stroboscopic_map(double_pendulum(amplitude=12.532158062e-3), rtol=1e-12, atol=1e-12)
     found = normal_form(exact, [0.0, pi, 0.0, 0.0], NEIMARK_SACKER)

@@ -1,8 +1,5 @@
 """Parts of the analysis of bifurcations: test functions, metrics, rotation numbers, neighbours on grids, names."""
 
-from __future__ import annotations
-
-from dataclasses import replace
 from functools import partial
 from math import pi, sin
 from types import SimpleNamespace
@@ -11,17 +8,9 @@ import numpy as np
 import pytest
 
 from cellmap import ForcedSystem, angle, continue_orbit, discrete_map, periodic_orbit
-from cellmap.bifurcations import (
-    AtlasKind,
-    AttractorAtlas,
-    AttractorFamily,
-    Crossing,
-    arnold_tongue,
-    connecting_orbits,
-    floquet_multipliers,
-    switch_branch,
-)
-from cellmap.bifurcations.atlas_families import families_of
+from cellmap.bifurcations import AtlasKind, AttractorAtlas, AttractorFamily, Crossing, floquet_multipliers
+from cellmap.bifurcations.atlas_families import Attractors, Directory, families_of
+from cellmap.bifurcations.atlas_neighbours import _neighbours
 from cellmap.bifurcations.circle_branches import _locked_rotation
 from cellmap.bifurcations.crossings import CrossingFunctions, Matrices
 from cellmap.bifurcations.orbit_grid import _links
@@ -64,10 +53,14 @@ def test_the_multiplier_nearest_to_the_circle_says_how_it_would_be_crossed(multi
 
 def test_an_equilibrium_is_one_at_all_times():
     """sin(2 t) vanishes at the beginning and in the middle of a period, and nowhere between."""
-    shaken = ForcedSystem(lambda t, x, p: (x[1], -x[0] + p.f * sin(2 * t)), {"f": 0.1}, 2 * pi, ("q", "v"))
+    shaken = ForcedSystem(
+        lambda t, x, p: (x[1], -x[0] - p.g * x[1] + p.f * sin(2 * t)), {"f": 0.1, "g": 0.0}, 2 * pi, ("q", "v")
+    )
     with pytest.raises(ValueError, match="v is not constant there but changes by"):
         floquet_multipliers(shaken, [0.0, 0.0])
-    assert np.allclose(np.abs(floquet_multipliers(shaken.with_params(f=0.0), [0.0, 0.0]).multipliers), 1.0)
+    # More parameter points than are looked at together.
+    found = floquet_multipliers(shaken.with_params(f=0.0), [0.0, 0.0], {"g": np.linspace(0.0, 0.1, 5000)})
+    np.testing.assert_allclose(found.determinant, np.exp(-2 * pi * np.linspace(0.0, 0.1, 5000)), rtol=1e-9)
 
 
 # --- atlases
@@ -109,6 +102,18 @@ def test_places_next_to_a_front(place, unknown):
     found = {tuple(map(int, there)) for _, there in _links(np.array([place]), known)}
     expected = {(i, j) for i in range(3) for j in range(4) if abs(i - place[0]) + abs(j - place[1]) == 1}
     assert found == expected - ({unknown} if unknown else set())
+
+
+def test_neighbours_to_which_known_attractors_lead():
+    """All places next to one inside the grid, but for those where the attractor is known."""
+    places = np.array([5, 6])
+    states = np.full(2, AtlasKind.PERIODIC, np.int8), np.ones(2, int), np.zeros((2, 1), int), np.zeros((2, 1))
+    found = Attractors(places, *states, np.zeros((2, 2)), np.full(2, 0.5), np.ones(2, int))
+    source, there = _neighbours(found, Directory.of(found), np.array([0, 1]), (3, 4))
+    pairs = sorted(zip(source.tolist(), there.tolist(), strict=True))
+    assert pairs == [(0, 1), (0, 4), (0, 9), (1, 2), (1, 7), (1, 10)]
+    source, there = _neighbours(found, Directory.of(found), np.array([0]), (2, 3))
+    assert sorted(there.tolist()) == [2, 4]
 
 
 @pytest.mark.parametrize("matrix", [[[0.5, 0.0], [0.0, -0.8]], [[0.6, -0.5], [0.5, 0.6]], [[0.9, 1.0], [0.0, 0.9]]])
@@ -167,42 +172,7 @@ def test_unknowns_of_a_branch_are_its_points(fixed):
     assert fixed.values.min() == 1.5 and fixed.values.max() == 3.5
 
 
-@pytest.mark.parametrize("step", [1.1, 0.0, -1.0])
-def test_steps_along_branches_have_bounds(fixed, step):
-    doubling = fixed.bifurcations[-1]
-    with pytest.raises(ValueError, match=f"step={step}"):
-        switch_branch(fixed, doubling, 1.5, 3.5, step=step)
-    with pytest.raises(ValueError, match="side=2"):
-        switch_branch(fixed, doubling, 1.5, 3.5, side=2)
-    with pytest.raises(ValueError, match="no branch of periodic orbits leaves it"):
-        switch_branch(fixed, replace(doubling, _branch_direction=None), 1.5, 3.5)
-
-
-def test_a_tongue_by_default_has_fine_steps():
-    """Of the sine circle map the tongue of 0/1 ends at omega = +-k/(2 pi); steps are a fiftieth of the intervals."""
-    circle = discrete_map(
-        lambda x, p: (x[0] + 2 * pi * p.omega - p.k * sin(x[0]),), {"omega": 0.0, "k": 0.8}, (angle("a"),)
-    )
-    tongue = arnold_tongue(circle, 0, 1, ("omega", "k"), (-0.2, 0.2), (0.5, 0.95), [0.1])
-    for curve in (tongue.left, tongue.right):
-        np.testing.assert_allclose(np.abs(curve.values[:, 0]), curve.values[:, 1] / (2 * pi), rtol=1e-9)
-        steps = np.linalg.norm(np.diff(curve.values, axis=0) / [0.4, 0.45], axis=1)
-        assert 0.005 < steps.max() <= 0.0201
-
-
 def test_attractors_that_continue_each_other_are_one_family():
     """The largest family comes first, of equal ones that of the first attractor; links go along both axes."""
     links = np.array([[1, 3], [3, 4]]), np.array([[4], [5]])
     assert families_of(7, links).tolist() == [1, 0, 2, 0, 0, 0, 3]
-
-
-def test_several_orbits_connect_a_saddle_with_itself():
-    """The horseshoe of Henon's map (x, y) -> (5.4 - x^2 - 0.9 y, x): at least two, all different, all orbits."""
-    henon = discrete_map(lambda x, p: (p.a - x[0] ** 2 - 0.9 * x[1], x[0]), {"a": 5.4}, ("x", "y"))
-    found = connecting_orbits(henon, periodic_orbit(henon, [-4.0, -4.0]), max_steps=17)
-    assert len(found) >= 2
-    for orbit in found:
-        np.testing.assert_allclose(henon(orbit.points[:-1]), orbit.points[1:], atol=1e-10)
-    farthest = [o.points[np.abs(o.points - o.source).max(axis=1).argmax()] for o in found]
-    apart = np.abs(np.subtract.outer(farthest, farthest).diagonal(axis1=1, axis2=3)).max(axis=-1)
-    assert (apart + 10 * np.eye(len(found))).min() > 1e-3

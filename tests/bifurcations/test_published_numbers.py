@@ -1,48 +1,28 @@
 """Numbers printed in manuals, tests and tables of other programs, to all their digits."""
 
-from __future__ import annotations
-
 from math import cos, pi
-from typing import Any
 
 import numpy as np
 import pytest
+from branch_kinds import DOUBLING, NEIMARK_SACKER
+from cases import branch_of
 
-from cellmap import (
-    ForcedSystem,
-    continue_orbit,
-    discrete_map,
-    periodic_orbit,
-    section_map,
-)
-from cellmap.bifurcations import BifurcationKind, continue_bifurcation, critical_values, period_doubling_cascade
+from cellmap import ForcedSystem, discrete_map, periodic_orbit, section_map
+from cellmap.bifurcations import critical_values, period_doubling_cascade
 from cellmap.maps import flow_map
 
-FOLD, DOUBLING = BifurcationKind.FOLD, BifurcationKind.PERIOD_DOUBLING
+# Doedel and Oldeman, AUTO-07P (manual, 2012): demo lrz, chapter on the Python interface, "print data".  The flow is
+# seen once in a time of 0.5.
 
 
-# Doedel and Oldeman, AUTO-07P (manual, 2012): demo cusp, first table of the section "Cusp", LP; demo lrz, chapter on
-# the Python interface, "print data".  The flow is seen once in a time of 1 or 0.5.
-
-
-def test_the_cusp_of_auto() -> None:
-    system = ForcedSystem(lambda t, x, p: (p.mu + p.lam * x[0] - x[0] ** 3,), {"mu": 0.0, "lam": 1.0}, 1.0, ("x",))
-    exact = flow_map(system, 1.0, rtol=1e-12, atol=1e-12)
-    branch = continue_orbit(exact, periodic_orbit(exact, [-1.0]), "mu", -1.0, 1.0, step=0.05)
-    assert {f"{b.value:.5E}" for b in branch.of_kind(FOLD)} == {"3.84900E-01", "-3.84900E-01"}
-    curve = continue_bifurcation(branch, branch.of_kind(FOLD)[0], "lam", (-1.0, 1.0), (-1.0, 2.0), step=0.1)
-    (cusp,) = curve.codimension_two()
-    np.testing.assert_allclose(cusp.values, 0.0, atol=1e-10)
-
-
-def test_the_lorenz_system_of_auto() -> None:
-    def lorenz(t: float, x: Any, p: Any) -> Any:
+@pytest.mark.thorough
+def test_the_lorenz_system_of_auto():
+    def lorenz(t, x, p):
         return 10.0 * (x[1] - x[0]), p.rho * x[0] - x[1] - x[0] * x[2], x[0] * x[1] - 8.0 / 3.0 * x[2]
 
     exact = flow_map(ForcedSystem(lorenz, {"rho": 20.0}, 0.5, ("x", "y", "z")), 0.5, rtol=1e-12, atol=1e-12)
-    start = periodic_orbit(exact, [7.1, 7.1, 19.0])
-    branch = continue_orbit(exact, start, "rho", 2.0, 26.0, step=0.05)
-    (hopf,) = branch.of_kind(BifurcationKind.NEIMARK_SACKER)
+    branch = branch_of(exact, [7.1, 7.1, 19.0], "rho", 2.0, 26.0, step=0.05)
+    (hopf,) = branch.of_kind(NEIMARK_SACKER)
     printed = [f"{number:.5E}" for number in (hopf.value, *hopf.point)]
     assert printed == ["2.47368E+01", "7.95602E+00", "7.95602E+00", "2.37368E+01"]
 
@@ -52,7 +32,8 @@ def test_the_lorenz_system_of_auto() -> None:
 QUADRATIC = (-0.75, 7), (-1.25, 7), (-1.3680989, 7), (-1.3940462, 7), (-1.3996312, 7), (-1.4008287, 7)
 
 
-def test_period_doublings_of_the_quadratic_map() -> None:
+@pytest.mark.thorough
+def test_period_doublings_of_the_quadratic_map():
     exact = discrete_map(lambda x, p: (x[0] ** 2 + p.c,), {"c": -0.5}, ("x",))
     route = period_doubling_cascade(exact, periodic_orbit(exact, [-0.4]), "c", -1.41, doublings=6)
     found = [b.value for b in route.bifurcations if b.kind is DOUBLING]
@@ -64,46 +45,16 @@ def test_period_doublings_of_the_quadratic_map() -> None:
 # system of Lur'e type, also an example of MatCont, by collocation; the period doubling to 1e-4.
 
 
-def test_the_period_doubling_of_the_lure_system() -> None:
-    def lure(t: float, x: Any, p: Any) -> Any:
+@pytest.mark.thorough
+def test_the_period_doubling_of_the_lure_system():
+    def lure(t, x, p):
         return x[1], x[2], -p.alpha * x[2] - x[1] - x[0] + x[0] ** 2
 
     system = ForcedSystem(lure, {"alpha": 0.66}, 6.0, ("x", "y", "z"))
     exact = section_map(system, ("y", 0.0, -1), rtol=1e-11, atol=1e-11)
-    start = exact.iterate([0.3, -0.3], 60).points
-    branch = continue_orbit(exact, periodic_orbit(exact, start), "alpha", 0.62, 0.67, step=0.2)
+    branch = branch_of(exact, exact.iterate([0.3, -0.3], 60).points, "alpha", 0.62, 0.67, step=0.2)
     (doubling,) = branch.of_kind(DOUBLING)
     assert doubling.value == pytest.approx(0.63031334, rel=1e-4)
-
-
-# MatContM (Ghent and Utrecht, version of 2020), Testruns/LeslieGower 12, 15 and 22: the competition model of Leslie and
-# Gower, fixed points at which continuations begin, some of them not to their last digit.
-
-B1, B2 = 20.0, 18.0
-FIXED = {
-    (0.0, 0.0): [(21.50285631, 22.99611022, 0.0, 0.0), (0.0, 0.0, 32.68698060, 23.68138391)],
-    (0.3, 0.3): [(11.17052012, 11.94625068, 20.99523834, 15.21083594)],
-}
-
-
-def leslie_gower(cjy: float, cyj: float) -> Any:
-    def image(x: Any, p: Any) -> Any:
-        first = 1.0 + 0.36 * x[0] + 0.55 * x[1] + cjy * x[2] + 0.23 * x[3]
-        second = 1.0 + cyj * x[0] + 0.08 * x[1] + 0.18 * x[2] + 0.26 * x[3]
-        return (
-            *(B1 * x[1] / first, 0.77 * x[0] + 0.28 * x[1]),
-            *(B2 * x[3] / second, 0.71 * x[2] + 0.02 * x[3]),
-        )
-
-    return discrete_map(image, {}, ("J", "A", "j", "a"))
-
-
-@pytest.mark.parametrize("coupling", FIXED)
-def test_fixed_points_of_the_leslie_gower_model(coupling: tuple[float, float]) -> None:
-    exact = leslie_gower(*coupling)
-    for printed in FIXED[coupling]:
-        guess = np.array(printed) * (1.0 + 1e-3)
-        np.testing.assert_allclose(periodic_orbit(exact, guess).points[0], printed, atol=4e-8)
 
 
 # Mathieu's equation y'' + (a - 2 q cos 2t) y = 0 changes its stability at a_r(q) and b_r(q).  Abramowitz and Stegun,
@@ -118,7 +69,7 @@ TABLES = [
 
 
 @pytest.mark.parametrize(("q", "printed"), TABLES)
-def test_characteristic_values_of_mathieus_equation(q: float, printed: list[tuple[float, int]]) -> None:
+def test_characteristic_values_of_mathieus_equation(q, printed):
     system = ForcedSystem(
         lambda t, x, p: (x[1], -(p.a - 2.0 * p.q * cos(2.0 * t)) * x[0]), {"a": 1.0, "q": q}, pi, ("y", "v")
     )

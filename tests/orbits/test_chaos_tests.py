@@ -3,16 +3,13 @@
 from collections import Counter
 from math import pi, sqrt
 
-import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import systems
 from cellmap import angle, discrete_map, plot, set_threads, stroboscopic_map
 from cellmap.orbits import alignment_test, exponent_test, zero_one_test, zero_one_test_of_series
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 
 TESTS = [exponent_test, zero_one_test]
 

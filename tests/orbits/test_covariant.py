@@ -2,7 +2,7 @@
 
 from math import pi, sqrt
 
-import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -10,9 +10,6 @@ import systems
 from cellmap import angle, discrete_map, lyapunov_spectrum, plot, stroboscopic_map
 from cellmap.maps import jacobian
 from cellmap.orbits import covariant_vectors
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 
 HENON = systems.henon_map()
 

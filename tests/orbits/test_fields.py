@@ -2,7 +2,7 @@
 
 from math import cosh, log, pi
 
-import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -11,9 +11,6 @@ from cellmap import CellGrid, discrete_map, find_basins, plot, set_threads, stro
 from cellmap._compiled.kernels.stretching import append_steps
 from cellmap.maps import jacobian
 from cellmap.orbits import finite_time_exponents
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 
 SQUARE = CellGrid((-1.0, -1.0), (1.0, 1.0), (7, 5))
 

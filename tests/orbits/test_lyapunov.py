@@ -4,7 +4,7 @@ import time
 from dataclasses import replace
 from math import log, pi, sqrt
 
-import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -20,9 +20,6 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap.maps.tangent import tangent
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 
 
 def lorenz(t, x, p):
