@@ -161,19 +161,29 @@ except StoreError as error:
 POSIX = "posix_fallocate geteuid register_at_fork sched_getaffinity fork O_CLOEXEC O_NONBLOCK".split()
 
 
-def test_labels_files_and_locks_without_posix(tmp_path):
-    """The labels are those that this system gives; on the way to them nothing is loaded that takes long to load."""
-    labels = []
-    for name, first, last in (("posix", "", ""), ("other", f"POSIX = {POSIX}\n{TAKEN_AWAY}", LOCKS)):
-        folder = tmp_path / name
-        (folder / "cache").mkdir(mode=0o700, parents=True)
-        place = {"CELLMAP_CACHE_DIR": str(folder / "cache"), "PYTHONPATH": str(ROOT), "HOME": str(tmp_path)}
-        program = first + TO_LABELS + FILES + last + "\nprint(*basins.labels.ravel())"
-        labels.append(printed(program, folder, folder=folder, **place))
-        if name == "posix":
-            assert printed(TO_LABELS + LOADED, folder, folder=folder, **place) == []
-    assert labels[0] == labels[1]
-    assert len(labels[0]) == 600
+def in_a_folder(program: str, folder: Path) -> list[str]:
+    """Run a program whose code is kept beside its files."""
+    (folder / "cache").mkdir(mode=0o700, exist_ok=True)
+    place = {"CELLMAP_CACHE_DIR": str(folder / "cache"), "PYTHONPATH": str(ROOT), "HOME": str(folder)}
+    return printed(program, folder, folder=folder, **place)
+
+
+@pytest.fixture(scope="module")
+def used(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+    """A folder with what a program has kept there, and the labels that it has found."""
+    folder = tmp_path_factory.mktemp("used")
+    return folder, in_a_folder(TO_LABELS + FILES + "print(*basins.labels.ravel())", folder)
+
+
+def test_nothing_that_takes_long_to_load_is_loaded_on_the_way_to_labels(used):
+    assert in_a_folder(TO_LABELS + LOADED, used[0]) == []
+
+
+def test_labels_files_and_locks_without_posix(used, tmp_path):
+    """The labels are those that this system gives."""
+    program = f"POSIX = {POSIX}\n{TAKEN_AWAY}{TO_LABELS}{FILES}{LOCKS}print(*basins.labels.ravel())"
+    assert in_a_folder(program, tmp_path) == used[1]
+    assert len(used[1]) == 600
 
 
 def test_one_module_alone_asks_for_what_systems_do_differently():
