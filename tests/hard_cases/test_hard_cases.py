@@ -25,7 +25,19 @@ def table_program() -> Any:
     return program
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+LONG = set(
+    "parameters nothing_attracts heavy_outer_mass periods large_drive next_to_one next_to_minus_one volumes chaos "
+    "permanent_sticking long_transients free_swings boundary tiny_damping at_the_limit whip light_outer_mass "
+    "double_pendulum_in_line".split()
+)
+"""Cases of the second tier, a third of a second and more each."""
+
+
+def marked(case: HardCase) -> Any:
+    return pytest.param(case, id=case.name, marks=[pytest.mark.thorough] if case.name in LONG else [])
+
+
+@pytest.mark.parametrize("case", [marked(case) for case in CASES])
 def test_it_comes_out_as_it_must(case: HardCase) -> None:
     outcome = case.run()
     assert [finding.text for finding in outcome.findings if not finding.met] == []
@@ -67,7 +79,7 @@ def test_the_table_is_reproduced(name: str) -> None:
     np.testing.assert_array_equal(program.precise_image(PROBLEMS[name]), frozen_image(name))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_closed_forms_are_reproduced() -> None:
     program = table_program()
     for *sizes, x, v in table()["oscillators"]:

@@ -135,10 +135,7 @@ def test_stability_of_the_double_pendulum() -> None:
     (window, lost), *_ = result.windows["50 Hz, m2 = m1/4, 10 /s (reference set)"]["(0, π)"]
     assert window[1] == pytest.approx(12.532158062e-3, abs=5e-13)
     assert lost == "NEIMARK_SACKER"
-    assert result.thresholds == {
-        1.0: pytest.approx(41.136433, abs=5e-7),
-        0.25: pytest.approx(21.418270, abs=5e-7),
-    }
+    assert result.thresholds == {1.0: pytest.approx(41.136433, abs=5e-7), 0.25: pytest.approx(21.418270, abs=5e-7)}
     assert max(result.decoupled.values()) < 1e-13
 
 

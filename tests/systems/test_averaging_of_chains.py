@@ -8,26 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad_vec
 
+import systems
 from cellmap import ForcedSystem
 from cellmap.bifurcations import floquet_multipliers
-from systems import (
-    Chain,
-    Effect,
-    Gravity,
-    HarmonicDrive,
-    RotatingDrive,
-    TiltedDrive,
-    TorqueDrive,
-    VerticalDrive,
-    ViscousDamping,
-    double_pendulum,
-    driven_pendulum,
-    effective_potential,
-    find_well,
-    scene,
-    slow_equilibrium,
-    triple_pendulum,
-)
 
 G, L, W = 9.8, 0.0272, 2.0 * pi * 50.0
 ANGLES = np.linspace(-4.0, 4.0, 101)
@@ -62,17 +45,19 @@ def _double_by_hand(system: ForcedSystem, angles: tuple[float, float]) -> float:
 @pytest.mark.parametrize(
     "drive",
     [
-        VerticalDrive(0.006, 50.0),
-        TiltedDrive(0.006, 50.0, tilt=0.3, phase=0.5),
-        RotatingDrive(0.006, 0.002, 50.0),
-        TorqueDrive(3000.0, 50.0),
-        HarmonicDrive((0.004, 0.002), (0.0, 1.0), 50.0),
+        systems.VerticalDrive(0.006, 50.0),
+        systems.TiltedDrive(0.006, 50.0, tilt=0.3, phase=0.5),
+        systems.RotatingDrive(0.006, 0.002, 50.0),
+        systems.TorqueDrive(3000.0, 50.0),
+        systems.HarmonicDrive((0.004, 0.002), (0.0, 1.0), 50.0),
     ],
     ids=lambda d: type(d).__name__,
 )
-def test_two_joints(drive: Effect) -> None:
-    system = scene(Chain((0.032, 0.04), (1.0, 0.25)), Gravity(G), drive, ViscousDamping(10.0))
-    potential = effective_potential(system)
+def test_two_joints(drive: systems.Effect) -> None:
+    system = systems.scene(
+        systems.Chain((0.032, 0.04), (1.0, 0.25)), systems.Gravity(G), drive, systems.ViscousDamping(10.0)
+    )
+    potential = systems.effective_potential(system)
     for angles in ((0.3, -1.2), (2.0, 0.5), (3.0, 3.1)):
         assert float(potential(*angles)) == pytest.approx(_double_by_hand(system, angles), rel=1e-11)
     grid = potential(ANGLES[:, None], ANGLES[None, :7])
@@ -88,17 +73,18 @@ def test_slow_modes_of_the_double_pendulum(down: tuple[bool, bool]) -> None:
     mean, spread = (r, sqrt(r * r - r)) if down[0] == down[1] else (0.0, sqrt(r))
     sign = -1.0 if down == (False, False) else 1.0
     eigenvalues = sign * np.array([mean - spread, mean + spread]) / 0.032
-    rest = slow_equilibrium(effective_potential(double_pendulum()), place)
+    rest = systems.slow_equilibrium(systems.effective_potential(systems.double_pendulum()), place)
     expected = G * eigenvalues + (0.006 * W * eigenvalues) ** 2 / 2.0
     assert rest.squares == pytest.approx(np.sort(expected), rel=1e-10)
     assert rest.stable
     assert rest.frequencies == pytest.approx(np.sqrt(np.sort(expected)) / (2.0 * pi), rel=1e-10)
 
 
+@pytest.mark.thorough
 def test_slow_modes_of_three_links_against_multipliers_of_a_fast_drive() -> None:
     """At A w fixed the multipliers' frequencies tend to the averaged ones, with an error in proportion to 1/f^2."""
-    system, upright = triple_pendulum(damping=0.0, frequency=100.0, amplitude=0.004), (pi, pi, pi)
-    averaged = slow_equilibrium(effective_potential(system), upright).frequencies
+    system, upright = systems.triple_pendulum(damping=0.0, frequency=100.0, amplitude=0.004), (pi, pi, pi)
+    averaged = systems.slow_equilibrium(systems.effective_potential(system), upright).frequencies
     frequencies = np.array([1e3, 2e3, 1e4, 2e4])
     swept = {"frequency": frequencies, "amplitude": 0.4 / frequencies}
     found = floquet_multipliers(system, (*upright, 0.0, 0.0, 0.0), swept, rtol=1e-13)
@@ -110,10 +96,10 @@ def test_slow_modes_of_three_links_against_multipliers_of_a_fast_drive() -> None
 
 
 def test_one_joint_against_multipliers_of_a_fast_drive() -> None:
-    averaged = find_well(effective_potential(driven_pendulum())).frequency
+    averaged = systems.find_well(systems.effective_potential(systems.driven_pendulum())).frequency
     frequencies = np.array([500.0, 5e3, 5e4])
     swept = {"frequency": frequencies, "amplitude": 0.15 / frequencies}
-    found = floquet_multipliers(driven_pendulum(damping=0.0), INVERTED, swept, rtol=1e-13)
+    found = floquet_multipliers(systems.driven_pendulum(damping=0.0), INVERTED, swept, rtol=1e-13)
     errors = np.angle(found.multipliers[:, 0]) * frequencies / (2.0 * pi) / averaged - 1.0
     assert errors[:-1] / errors[1:] == pytest.approx([100.0, 100.0], rel=0.02)
     assert abs(errors[-1]) < 1e-8

@@ -3,34 +3,23 @@
 from __future__ import annotations
 
 from itertools import product
-from math import cos, exp, pi, sqrt
-from typing import Any
+from math import pi
 
 import numpy as np
 import pytest
 from chain_equations import LINKS, MASSES, dense, relative
 from numpy.typing import NDArray
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import solve_ivp
 
+import systems
 from cellmap import ForcedSystem, stroboscopic_map
 from cellmap._compiled.codegen.rebind import rebind
-from cellmap.maps import jacobian
-from systems import (
-    Chain,
-    Gravity,
-    TorsionSpring,
-    chain_pendulum,
-    double_pendulum,
-    driven_pendulum,
-    scene,
-    triple_pendulum,
-)
 
 W = 2.0 * pi * 50.0
 
 
 def test_the_double_pendulum_after_one_period() -> None:
-    strobe = stroboscopic_map(double_pendulum(damping=0.0), rtol=1e-12, atol=1e-12)
+    strobe = stroboscopic_map(systems.double_pendulum(damping=0.0), rtol=1e-12, atol=1e-12)
     scale = np.array([1.0, 1.0, W, W])
     expected = (2.039335961693, 0.736205328087, 0.119529455898, 0.271635760474)
     assert strobe(np.array([1.0, -0.5, 0.2, 0.1]) * scale) / scale == pytest.approx(expected, abs=1e-11)
@@ -48,22 +37,10 @@ def linear_modes(system: ForcedSystem, state: tuple[float, ...]) -> NDArray[np.f
     return np.sort(np.linalg.eigvals(-np.array(columns).T / 9.8).real)
 
 
-@pytest.mark.parametrize("ratio", [0.25, 1.0])
-def test_small_motions_about_the_four_equilibria(ratio: float) -> None:
-    system = double_pendulum(mass_2=ratio, amplitude=0.0, damping=0.0)
-    r, length = 1.0 + ratio, 0.032
-    both = np.array([r - sqrt(r * r - r), r + sqrt(r * r - r)]) / length
-    flipped = np.array([-sqrt(r), sqrt(r)]) / length
-    assert linear_modes(system, (0.0, 0.0)) == pytest.approx(both, rel=1e-13)
-    assert linear_modes(system, (pi, pi)) == pytest.approx(-both[::-1], rel=1e-13)
-    assert linear_modes(system, (0.0, pi)) == pytest.approx(flipped, rel=1e-13)
-    assert linear_modes(system, (pi, 0.0)) == pytest.approx(flipped, rel=1e-13)
-
-
 @pytest.mark.parametrize("state", list(product((0.0, pi), repeat=3)))
 def test_small_motions_of_the_triple_pendulum(state: tuple[float, ...]) -> None:
     """Eigenvalues of M^-1 K with M_ij = mu_max l_i l_j s_i s_j and K = diag(mu_i l_i s_i)."""
-    system = triple_pendulum(0.03, 0.02, 0.05, 0.5, 0.7, 0.3, amplitude=0.0, damping=0.0)
+    system = systems.triple_pendulum(0.03, 0.02, 0.05, 0.5, 0.7, 0.3, amplitude=0.0, damping=0.0)
     length, signs = np.array([0.03, 0.02, 0.05]), np.cos(state)
     carried = np.array([1.5, 1.0, 0.3])
     i = np.arange(3)
@@ -72,53 +49,10 @@ def test_small_motions_of_the_triple_pendulum(state: tuple[float, ...]) -> None:
     assert linear_modes(system, state) == pytest.approx(expected, rel=1e-12)
 
 
-def floquet(system: ForcedSystem, state: tuple[float, ...]) -> float:
-    """Largest multiplier of an equilibrium, by the linear equation along it."""
-    n = 2 * len(state)
-    rhs = rebind(system.rhs, {"sin": np.sin, "cos": np.cos})
-
-    def fun(t: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
-        columns = []
-        for j in range(n):
-            x = [*map(complex, state), *[0j] * len(state)]
-            x[j] += 1e-30j
-            columns.append([np.imag(v) / 1e-30 for v in rhs(t, tuple(x), system.parameters)])
-        return (np.array(columns).T @ y.reshape(n, n)).ravel()
-
-    solution = solve_ivp(fun, (0.0, system.length), np.eye(n).ravel(), method="DOP853", rtol=1e-10, atol=1e-12)
-    return float(np.abs(np.linalg.eigvals(solution.y[:, -1].reshape(n, n))).max())
-
-
-def test_with_the_defaults_every_equilibrium_is_stable() -> None:
-    for system, links in ((double_pendulum(), 2), (triple_pendulum(), 3)):
-        for state in product((0.0, pi), repeat=links):
-            assert floquet(system, state) < 1.0
-
-
-@pytest.mark.parametrize(
-    ("amplitude", "stable"), [(3.52e-3, True), (3.53e-3, False), (4.44e-3, False), (4.46e-3, False), (9.54e-3, False)]
-)
-def test_the_hanging_double_pendulum_at_24_hz(amplitude: float, stable: bool) -> None:
-    """Equal masses, undamped: stable below 3.523140841 mm."""
-    system = double_pendulum(mass_2=1.0, amplitude=amplitude, frequency=24.0, damping=0.0)
-    assert (floquet(system, (0.0, 0.0)) < 1.0 + 1e-6) == stable
-
-
-@pytest.mark.parametrize(
-    ("amplitude", "stable"), [(4.45e-3, False), (4.455e-3, True), (9.54e-3, True), (9.55e-3, False)]
-)
-def test_the_flipping_states_at_24_hz(amplitude: float, stable: bool) -> None:
-    """Equal masses, undamped: both stable from 4.452842149 to 9.546244854 mm, (pi, pi) never."""
-    system = double_pendulum(mass_2=1.0, amplitude=amplitude, frequency=24.0, damping=0.0)
-    for state in ((0.0, pi), (pi, 0.0)):
-        assert (floquet(system, state) < 1.0 + 1e-6) == stable
-    assert floquet(system, (pi, pi)) > 1.01
-
-
 def test_a_light_outer_mass_leaves_the_single_pendulum() -> None:
     """Mass ratio 1e-6: REFERENCES.md has a difference of 5.7e-7 in units of the drive."""
-    strobe = stroboscopic_map(double_pendulum(mass_2=1e-6, damping=0.0), rtol=1e-12, atol=1e-12)
-    single = stroboscopic_map(driven_pendulum(0.032, 0.006, 50.0, 0.0), rtol=1e-12, atol=1e-12)
+    strobe = stroboscopic_map(systems.double_pendulum(mass_2=1e-6, damping=0.0), rtol=1e-12, atol=1e-12)
+    single = stroboscopic_map(systems.driven_pendulum(0.032, 0.006, 50.0, 0.0), rtol=1e-12, atol=1e-12)
     image = strobe(np.array([1.0, -0.5, 0.2 * W, 0.1 * W]))[[0, 2]] / [1.0, W]
     difference = np.abs(image - single([1.0, 0.2 * W]) / [1.0, W]).max()
     assert difference == pytest.approx(5.7e-7, abs=5e-9)
@@ -129,7 +63,7 @@ def test_extreme_masses_keep_their_digits(ratio: float) -> None:
     """The elimination from the tip subtracts nothing that is nearly equal."""
     import mpmath
 
-    system = double_pendulum(mass_1=1.0, mass_2=ratio)
+    system = systems.double_pendulum(mass_1=1.0, mass_2=ratio)
     x = (1.0, -0.5, 60.0, 30.0)
     with mpmath.workdps(40):
         rhs = rebind(system.rhs, {"sin": mpmath.sin, "cos": mpmath.cos})
@@ -138,18 +72,23 @@ def test_extreme_masses_keep_their_digits(ratio: float) -> None:
 
 
 def test_one_link_is_the_single_pendulum() -> None:
-    one = chain_pendulum((0.0272,), (0.4,))
+    one = systems.chain_pendulum((0.0272,), (0.4,))
     initial_conditions = np.random.default_rng(3).uniform(-3.0, 3.0, (20, 2)) * [1.0, 30.0]
     assert [c.name for c in one.axes] == ["theta1", "theta1'"]
     assert stroboscopic_map(one)(initial_conditions) == pytest.approx(
-        stroboscopic_map(driven_pendulum())(initial_conditions), rel=1e-8, abs=1e-8
+        stroboscopic_map(systems.driven_pendulum())(initial_conditions), rel=1e-8, abs=1e-8
     )
 
 
 def test_energy_is_kept_by_what_keeps_it() -> None:
     """Gravity and springs, no drive and no friction."""
-    for effects in ((Gravity(9.8),), (Gravity(9.8), TorsionSpring(30.0, 0.4)), (TorsionSpring(30.0, 0.4),), ()):
-        system = scene(Chain(LINKS[:4], MASSES[:4]), *effects, period=1.0)
+    for effects in (
+        (systems.Gravity(9.8),),
+        (systems.Gravity(9.8), systems.TorsionSpring(30.0, 0.4)),
+        (systems.TorsionSpring(30.0, 0.4),),
+        (),
+    ):
+        system = systems.scene(systems.Chain(LINKS[:4], MASSES[:4]), *effects, period=1.0)
         ic = np.array([1.0, -2.0, 0.5, 3.0, 4.0, -2.0, 0.0, 1.0])
         solution = solve_ivp(system.fun, (0.0, 1.0), ic, method="DOP853", rtol=1e-12, atol=1e-12)
         energies = system.output("energy", solution.t, solution.y.T)
@@ -159,7 +98,7 @@ def test_energy_is_kept_by_what_keeps_it() -> None:
 
 def test_viscous_damping_takes_what_the_joints_take() -> None:
     """d(energy)/dt = -gamma m_1 l_1^2 (sum of the squares of relative rates)."""
-    system = chain_pendulum(LINKS[:3], MASSES[:3], amplitude=0.0, damping=3.0)
+    system = systems.chain_pendulum(LINKS[:3], MASSES[:3], amplitude=0.0, damping=3.0)
     x = np.array([0.4, 2.0, -1.0, 3.0, -1.0, 2.0])
     derivative = system.fun(0.0, x)
     h = 1e-6
@@ -168,44 +107,16 @@ def test_viscous_damping_takes_what_the_joints_take() -> None:
     assert slope / (2.0 * h) == pytest.approx(-lost, rel=1e-7)
 
 
-def test_volumes_shrink_as_liouville_says() -> None:
-    """det DP = det M(q0) / det M(q(T)) exp(-int tr(M^-1 C)), with C of the joints."""
-    system = double_pendulum()
-    ic = np.array([1.0, -0.5, 60.0, 30.0])
-    unit = 0.032**2
-
-    def inertia(x: Any) -> NDArray[np.float64]:
-        lean = 0.25 * cos(x[0] - x[1])
-        return unit * np.array([[1.25, lean], [lean, 0.25]])
-
-    solution = solve_ivp(system.fun, (0.0, 0.02), ic, method="DOP853", rtol=1e-12, atol=1e-12, dense_output=True)
-    damping = 10.0 * unit * np.array([[2.0, -1.0], [-1.0, 1.0]])
-    lost = quad(lambda t: np.trace(np.linalg.solve(inertia(solution.sol(t)), damping)), 0.0, 0.02, epsabs=1e-10)[0]
-    ratio = np.linalg.det(inertia(ic)) / np.linalg.det(inertia(solution.y[:, -1]))
-    scale = np.array([1.0, 1.0, 100.0, 100.0])
-    matrix = jacobian(stroboscopic_map(system, rtol=1e-11, atol=1e-11), ic) * (scale[None, :] / scale[:, None])
-    assert np.linalg.det(matrix) == pytest.approx(ratio * exp(-lost), rel=1e-8)
-
-
 def test_dry_friction_acts_on_relative_rates() -> None:
-    system = double_pendulum(friction=2.5, damping=0.0, amplitude=0.0)
+    system = systems.double_pendulum(friction=2.5, damping=0.0, amplitude=0.0)
     x = (0.3, 0.2, 3.0, 1.0)
     assert system.switches is not None
     assert system.switches(0.0, x, system.parameters) == (3.0, -2.0)
     assert system.signs(0.0, (0.3, 0.2, 3.0, 3.0)) == (1.0, 0.0)
-    free = double_pendulum(damping=0.0, amplitude=0.0)
+    free = systems.double_pendulum(damping=0.0, amplitude=0.0)
     for signs in product((-1.0, 0.0, 0.4, 1.0), repeat=2):
         joints = -2.5 * np.array(signs)
         expected = dense(free, 2, 9.8, 0.0, joints, np.array(x))
         assert system.derivative(0.0, x, signs)[2:] == pytest.approx(expected, rel=1e-13)
     corners = [np.array(system.derivative(0.0, x, s)) for s in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))]
     assert corners[0] + corners[3] == pytest.approx(corners[1] + corners[2], rel=1e-13)  # affine: no product of signs
-
-
-def test_a_period_of_three_links_is_that_of_scipy() -> None:
-    system = triple_pendulum()
-    initial_conditions = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 6)) * [pi, pi, pi, 50.0, 50.0, 50.0]
-    images = stroboscopic_map(system).iterate(initial_conditions, 1).unwrapped
-    for state, image in zip(initial_conditions, images, strict=True):
-        exact = solve_ivp(system.fun, (0.0, system.length), state, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
-        assert image == pytest.approx(exact, rel=1e-8, abs=1e-8)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import acos, cos, exp, pi, sin, sqrt
+from math import acos, cos, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -34,29 +34,6 @@ def test_the_edges_of_mathieus_tongues(q: float) -> None:
         for characteristic in curves:
             system = mathieu_equation(damping=0.0, delta=float(characteristic), epsilon=-2.0 * q)
             assert trace(system) == pytest.approx(2.0 * (-1.0) ** order, abs=1e-8)
-
-
-def test_damping_shifts_the_spring() -> None:
-    """x = exp(-c t/2) y turns the damped equation into an undamped one with delta - c^2/4."""
-    damped = trace(mathieu_equation(damping=0.4, delta=0.6, epsilon=0.5))
-    undamped = trace(mathieu_equation(damping=0.0, delta=0.56, epsilon=0.5))
-    assert damped == pytest.approx(exp(-0.2 * pi) * undamped, abs=1e-11)
-
-
-def test_the_default_spring_is_held_by_its_modulation() -> None:
-    held = jacobian(stroboscopic_map(mathieu_equation()), [0.0, 0.0])
-    assert np.abs(np.linalg.eigvals(held)).max() < 1.0
-    left = jacobian(stroboscopic_map(mathieu_equation(epsilon=0.0)), [0.0, 0.0])
-    assert np.abs(np.linalg.eigvals(left)).max() > 1.0
-
-
-def test_one_harmonic_is_mathieus() -> None:
-    hill = hill_equation(damping=0.1, delta=0.7, epsilon1=0.4, epsilon2=0.0, epsilon3=0.0)
-    mathieu = mathieu_equation(damping=0.1, delta=0.7, epsilon=0.4)
-    initial_conditions = np.random.default_rng(0).uniform(-2.0, 2.0, (5, 2))
-    assert stroboscopic_map(hill)(initial_conditions) == pytest.approx(
-        stroboscopic_map(mathieu)(initial_conditions), rel=1e-8, abs=1e-8
-    )
 
 
 @pytest.mark.parametrize("epsilons", [(0.3, 0.2, 0.1), (0.8, -0.5, 0.4)])

@@ -62,19 +62,3 @@ def test_the_energy_of_lorenz_96_changes_by_forcing_and_damping_alone() -> None:
 def test_the_load_takes_current_from_all_junctions() -> None:
     free, loaded = (systems.josephson_chain(2, load=load).derivative(0.0, (0.0, 1.0, 2.0, 4.0)) for load in (0.0, 1.5))
     assert np.subtract(free, loaded) == pytest.approx((0.0, 0.0, 4.5, 4.5))
-
-
-@pytest.mark.parametrize(
-    ("change", "error", "match"),
-    [
-        ({"powers": ()}, TypeError, r"powers=\(\): give a sequence"),
-        ({"powers": (1.0, np.nan)}, ValueError, r"powers\[1\]=nan: give a finite number"),
-        ({"lines": ((0, 1), (1, 3))}, ValueError, r"lines\[1\]=3: give a whole number of at most 2"),
-        ({"lines": ((1, 1),)}, ValueError, r"lines\[0\]=\(1, 1\): give two different nodes"),
-        ({"lines": ((1, 2), (2, 1))}, ValueError, r"lines\[1\]=\(2, 1\): .* each line once"),
-        ({"lines": (1, 2)}, TypeError, r"lines\[0\]=1: give the two nodes"),
-    ],
-)
-def test_networks_that_are_none(change: dict[str, Any], error: type[Exception], match: str) -> None:
-    with pytest.raises(error, match=match):
-        systems.power_grid(**change)

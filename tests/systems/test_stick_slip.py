@@ -28,7 +28,7 @@ def test_the_friction_falls_from_rest_and_then_grows() -> None:
     assert friction(-0.3, -1.0) == pytest.approx(-friction(0.3, 1.0))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_coulombs_friction_on_a_belt_exactly() -> None:
     """Stuck, the mass moves with the belt until the spring overcomes the friction; then it is on a circle about mu_s.
 
@@ -92,8 +92,3 @@ def test_pure_sliding_vibrations_have_the_amplitude_of_thomsen_and_fidlin() -> N
     assert motion.states[:, 1].max() < belt
     amplitude = 0.5 * (motion.states[:, 0].max() - motion.states[:, 0].min())
     assert amplitude == pytest.approx(2.0 * sqrt(critical**2 - belt**2), rel=5e-4)
-
-
-def test_more_friction_in_motion_than_at_rest_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"least_friction=0.5: give a number of at most 0.4"):
-        stick_slip_oscillator(least_friction=0.5)

@@ -243,11 +243,6 @@ def bubble(t, x, p):
     return v, ((p.time / p.radius) ** 2 / p.density * (inside - outside) - 1.5 * v * v) / r
 
 
-def escapement(t, x, p):
-    theta, v = x
-    return v, -sin(theta) - p.damping * v + p.force * cos(p.omega * t)
-
-
 # --- impacts
 
 

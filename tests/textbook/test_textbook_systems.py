@@ -8,13 +8,17 @@ from math import exp, sqrt
 
 import numpy as np
 import pytest
+from right_hand_sides import dry_friction, van_der_pol
 from scipy.integrate import odeint, solve_ivp
-from textbook_systems import BRANCHING, IMPACTS, SMOOTH, STIFF, TAU, forced, van_der_pol
+from textbook_systems import BRANCHING, IMPACTS, QV, SMOOTH, STIFF, TAU, forced
 
 from cellmap import CellGrid, Label, find_basins, stroboscopic_map
 from cellmap.maps.coordinates import difference
 from cellmap.maps.point_map import ToleranceWarning
 from cellmap.orbits import Kind
+
+SAMPLE = ("inverted pendulum", "forced Chua", "dry friction", "boost converter", "hard impact", "kicked rotor")
+"""Systems of the first tier: smooth, of straight pieces, sticking, switched by time, with impacts and with kicks."""
 
 ALL = {**SMOOTH, **BRANCHING, **STIFF, **IMPACTS}
 # Several seconds each; maps of the last three are in test_stiff.py.
@@ -29,9 +33,9 @@ def map_of(name: str):
 
 
 @functools.cache
-def basins_of(name: str):
-    """Basins of the cells of a grid and, behind them, of 10^4 random initial conditions, from one search."""
-    grid, number = ALL[name][1], 0 if name in LONG else 10_000
+def basins_of(name: str, number: int = 100):
+    """Basins of the cells of a grid and, behind them, of random initial conditions, from one search."""
+    grid = ALL[name][1]
     random = np.random.default_rng(0).uniform(grid.lower, grid.upper, (number, grid.dimension))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ToleranceWarning)  # counted below
@@ -70,11 +74,18 @@ def by_scipy(system, place, periods: int):
         x = np.array(system.impacts[which].reset(t, x, p))
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_attractors_are_those_of_scipy(name):
+CAMPAIGN = {name: 0 if name in LONG else 10_000 for name in ALL}
+"""Random initial conditions of each system in the second tier."""
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [*((n, 100) for n in SAMPLE), *(pytest.param(*c, marks=pytest.mark.thorough) for c in CAMPAIGN.items())],
+)
+def test_attractors_are_those_of_scipy(name, number):
     """Periodic points close by SciPy as well, and nothing is undecided, inaccurate or out of steps without a reason."""
     system, _ = ALL[name]
-    basins, number = basins_of(name), len(cells_of(name))
+    basins, number = basins_of(name, number), len(cells_of(name))
     assert basins.attractors
     if name in BLOW_UP:
         assert find_basins(map_of(name), cells_of(name), attractors=basins.attractors).inaccurate == 0
@@ -91,7 +102,10 @@ def test_attractors_are_those_of_scipy(name):
             assert (apart <= 2e-5 * (1.0 + np.abs(attractor.points[0]))).all()
 
 
-@pytest.mark.parametrize("name", ["two-well Duffing", "inverted pendulum", "soft impact", "forced Chua", "hard impact"])
+BY_SCIPY = ["two-well Duffing", "soft impact", "inverted pendulum", "forced Chua", "hard impact"]
+
+
+@pytest.mark.parametrize("name", BY_SCIPY[2:])
 def test_labels_are_those_of_scipy(name):
     """Initial conditions that settle early, integrated by SciPy until they are near the attractor of their label."""
     system, grid = ALL[name]
@@ -106,8 +120,8 @@ def test_labels_are_those_of_scipy(name):
         assert np.abs(shift).max(axis=1).min() < 0.1
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["two-well Duffing", "inverted pendulum", "soft impact", "forced Chua", "hard impact"])
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", BY_SCIPY)
 def test_fractions_are_those_of_scipy(name):
     """Of 24 random initial conditions, however long they take: at most one, near a boundary, ends elsewhere."""
     system, grid = ALL[name]
@@ -124,12 +138,6 @@ def test_fractions_are_those_of_scipy(name):
 
 
 # --- closed forms and published numbers
-
-
-def test_two_wells_are_mirror_images():
-    """Half a period later with the opposite sign: the mirrored orbit is an orbit."""
-    basins = basins_of("two-well Duffing")
-    assert [a.period for a in basins.attractors] == [1, 1]
 
 
 def test_inverted_pendulum_stands():
@@ -163,8 +171,6 @@ def test_boost_converter_in_closed_form():
 
 def test_sticking_needs_a_force_above_friction():
     """Below the largest friction force the block sticks for ever; above, it moves with the period of the force."""
-    from textbook_systems import QV, dry_friction
-
     moving = basins_of("dry friction").attractors
     assert [a.kind for a in moving] == [Kind.FIXED_POINT]
     held = forced(dry_friction, QV, 0.6, friction=0.3, force=0.2)
@@ -172,6 +178,7 @@ def test_sticking_needs_a_force_above_friction():
     assert Kind.EQUILIBRIA in [a.kind for a in basins.attractors]
 
 
+@pytest.mark.thorough
 def test_stick_slip_is_a_limit_cycle_with_its_period():
     """Sticking at the speed of the belt, slipping by a smooth flow: SciPy takes the pieces in turn."""
     system, _ = ALL["stick and slip on a belt"]
@@ -210,10 +217,11 @@ def test_van_der_pol_for_small_mu():
     assert sqrt(np.abs(cycle.points**2).sum(axis=1).max()) < 2.2
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", [n for n in ALL if n not in LONG])
 def test_campaign_of_ten_thousand_initial_conditions(name):
     """Of 10^4 random initial conditions less than 1 % are undecided, or inaccurate."""
-    basins, number = basins_of(name), len(cells_of(name))
+    basins, number = basins_of(name, 10_000), len(cells_of(name))
     assert basins.labels.size == number + 10_000
     assert (basins.labels[number:] == Label.UNDECIDED).mean() < 0.01
     assert basins.inaccurate <= 0.01 * 10_000

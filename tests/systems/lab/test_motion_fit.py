@@ -11,17 +11,16 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from cellmap import ForcedSystem, trajectory
-from systems import Chain, Gravity, Pendulum, VerticalDrive, ViscousDamping, double_pendulum, driven_pendulum, scene
-from systems.lab import (
-    compare_decays,
-    fit_circle,
-    fit_damping,
-    fit_motion,
-    free_pendulum,
-    quadratic_decay,
-    record_acceleration,
-    recover_drive,
-    swing_envelope,
+from systems import (
+    Chain,
+    Gravity,
+    Pendulum,
+    VerticalDrive,
+    ViscousDamping,
+    double_pendulum,
+    driven_pendulum,
+    lab,
+    scene,
 )
 from systems.lab.free_swings.simulation import Simulation, clear_of_noise
 
@@ -29,7 +28,7 @@ TRUE = {"length": 0.069, "damping": 0.4}
 
 
 def rod(**params: float) -> ForcedSystem:
-    return free_pendulum(0.069, {"damping": 0.4}).with_params(**params)
+    return lab.free_pendulum(0.069, {"damping": 0.4}).with_params(**params)
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +59,7 @@ def fisher_errors(times: NDArray[np.float64], noise: float = 0.004) -> dict[str,
 
 def test_exact_series_give_exact_parameters(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
     times, angles = film
-    found = fit_motion(rod(length=0.075, damping=0.1), times, angles, ["length", "damping"])
+    found = lab.fit_motion(rod(length=0.075, damping=0.1), times, angles, ["length", "damping"])
     assert found.converged
     assert found.at_bound == ()
     assert found.estimates["length"] == pytest.approx(0.069, rel=1e-7)
@@ -75,7 +74,7 @@ def test_errors_are_those_of_many_measurements(film: tuple[NDArray[np.float64], 
     times, angles = film
     z: list[list[float]] = []
     for seed in range(25):
-        found = fit_motion(rod(), times, noisy(angles, seed) + 0.01, ["length", "damping"], zero=True)
+        found = lab.fit_motion(rod(), times, noisy(angles, seed) + 0.01, ["length", "damping"], zero=True)
         exact = {**TRUE, "start theta": 1.3, "start theta'": 0.0, "zero theta": 0.01}
         assert found.rmse == pytest.approx(0.004, rel=0.1)
         assert abs(found.correlation) < 0.12
@@ -90,7 +89,7 @@ def test_gaps_and_uneven_times(film: tuple[NDArray[np.float64], NDArray[np.float
     gapped = noisy(angles, 1)
     gapped[100:300] = np.nan
     kept = np.sort(np.random.default_rng(0).choice(times.size, 500, replace=False))
-    found = fit_motion(rod(length=0.07, damping=0.3), times[kept], gapped[kept], ["length", "damping"])
+    found = lab.fit_motion(rod(length=0.07, damping=0.3), times[kept], gapped[kept], ["length", "damping"])
     for name, value in TRUE.items():
         assert found.estimates[name] == pytest.approx(value, abs=4.0 * found.standard_errors[name])
     assert np.isnan(found.residuals).sum() == np.isnan(gapped[kept]).sum()
@@ -107,11 +106,11 @@ def test_a_wrong_model_shows(film: tuple[NDArray[np.float64], NDArray[np.float64
     """An undamped model leaves residuals that follow each other, and says so."""
     times, angles = film
     undamped = scene(Pendulum(0.069), Gravity(9.8), period=0.5)
-    found = fit_motion(undamped, times, noisy(angles, 0), ["length"])
+    found = lab.fit_motion(undamped, times, noisy(angles, 0), ["length"])
     assert found.correlation > 0.95
     assert "residuals follow each other" in repr(found)
     assert found.rmse > 0.05
-    right = fit_motion(rod(), times, noisy(angles, 0), ["length", "damping"])
+    right = lab.fit_motion(rod(), times, noisy(angles, 0), ["length", "damping"])
     assert right.aicc < found.aicc - 1000.0
 
 
@@ -119,9 +118,9 @@ def test_a_wrong_model_shows(film: tuple[NDArray[np.float64], NDArray[np.float64
 def test_what_a_motion_does_not_tell_has_no_small_error(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
     """Length and gravity act by their ratio alone; that of damping is told as well as with gravity known."""
     times, angles = film
-    known = fit_motion(rod(), times, noisy(angles, 0), ["length", "damping"])
+    known = lab.fit_motion(rod(), times, noisy(angles, 0), ["length", "damping"])
     with pytest.warns(UserWarning, match="length=.*gravity="):
-        found = fit_motion(rod(length=0.075), times, noisy(angles, 0), ["length", "gravity", "damping"])
+        found = lab.fit_motion(rod(length=0.075), times, noisy(angles, 0), ["length", "gravity", "damping"])
     assert found.standard_errors["length"] > 0.069
     assert found.standard_errors["gravity"] > 9.8
     assert found.standard_errors["damping"] == pytest.approx(known.standard_errors["damping"], rel=0.01)
@@ -132,7 +131,7 @@ def test_a_parameter_that_is_not_there_ends_on_its_bound() -> None:
     free = scene(Pendulum(0.069), Gravity(9.8), period=0.5)
     motion = trajectory(free, [0.5, 0.0], periods=8, samples_per_period=100)
     with pytest.warns(UserWarning, match="damping=.* does not tell it from zero"):
-        found = fit_motion(rod(damping=0.05), motion.times, noisy(motion.states[:, 0], 4), ["length", "damping"])
+        found = lab.fit_motion(rod(damping=0.05), motion.times, noisy(motion.states[:, 0], 4), ["length", "damping"])
     low, high = found.interval("damping")
     assert 0.0 <= found.estimates["damping"] < 1e-3
     assert low <= 0.0 + 1e-3
@@ -143,7 +142,7 @@ def test_a_swing_that_grows_ends_on_the_bound_of_its_damping() -> None:
     """No damping of at least zero lets a swing grow: the nearest is zero, and the interval begins there."""
     growing = rod(damping=-0.05)
     motion = trajectory(growing, [0.3, 0.0], periods=8, samples_per_period=50)
-    found = fit_motion(rod(damping=0.05), motion.times, noisy(motion.states[:, 0], 4), ["length", "damping"])
+    found = lab.fit_motion(rod(damping=0.05), motion.times, noisy(motion.states[:, 0], 4), ["length", "damping"])
     assert found.at_bound == ("damping",)
     assert found.estimates["damping"] == pytest.approx(0.0, abs=1e-9)
     assert found.interval("damping")[0] == 0.0
@@ -155,7 +154,7 @@ def test_a_poor_guess_slips_no_rotation_in_a_long_film() -> None:
     true = rod(damping=0.08)
     motion = trajectory(true, [0.9, 0.0], periods=57, samples_per_period=50)
     guess = rod(length=1.3 * 0.069, damping=0.1)
-    found = fit_motion(guess, motion.times, noisy(motion.states[:, 0], 5, 0.003), ["length", "damping"])
+    found = lab.fit_motion(guess, motion.times, noisy(motion.states[:, 0], 5, 0.003), ["length", "damping"])
     assert found.converged
     for name, value in {"length": 0.069, "damping": 0.08}.items():
         assert found.estimates[name] == pytest.approx(value, abs=4.0 * found.standard_errors[name])
@@ -175,7 +174,7 @@ def test_the_frequency_of_a_drive(begin: float) -> None:
     times = begin + np.arange(0.0, 40.0, 0.1)
     exact = solve_ivp(driven, (begin, times[-1]), [0.5, 0.0], t_eval=times, rtol=1e-10, atol=1e-11).y[0]
     guess = ForcedSystem(rhs, {"damping": 0.25, "omega": 1.37}, lambda p: 2.0 * pi / p.omega, ("q", "v"))
-    found = fit_motion(guess, times, exact, ["damping", "omega"])
+    found = lab.fit_motion(guess, times, exact, ["damping", "omega"])
     assert found.estimates["omega"] == pytest.approx(1.4, abs=1e-6)
     assert found.estimates["damping"] == pytest.approx(0.2, abs=1e-6)
     assert found.rmse < 1e-6
@@ -186,12 +185,12 @@ def test_the_frequency_of_a_drive(begin: float) -> None:
 def test_a_film_that_goes_on_after_the_rod_has_stopped(begin: float) -> None:
     """Half of it at rest.  The sum of squares has a minimum for each stop; the truth fits no better than the fit."""
     coefficients = {"damping": 0.3, "friction": 0.366}
-    motion = trajectory(free_pendulum(0.069, coefficients), [0.2, 0.0], periods=14, samples_per_period=60)
+    motion = trajectory(lab.free_pendulum(0.069, coefficients), [0.2, 0.0], periods=14, samples_per_period=60)
     exact = motion.states[:, 0]
     assert (exact[-100:] == exact[-1]).all()
     for seed in range(4):
         angles = noisy(exact, seed, 0.013)
-        found = fit_damping(begin + motion.times, angles, ["viscous and dry"]).best
+        found = lab.fit_damping(begin + motion.times, angles, ["viscous and dry"]).best
         assert found.rmse <= np.sqrt(np.mean((angles - exact) ** 2))
         for name, value in {**coefficients, "length": 0.069}.items():
             assert found.estimates[name] == pytest.approx(value, abs=4.0 * found.standard_errors[name])
@@ -222,7 +221,7 @@ def test_dense_samples_of_a_small_swing() -> None:
         atol=1e-12,
     ).y[0]
     for seed in range(6):
-        found = fit_damping(times, noisy(swing, seed, 1e-3), ["viscous"]).best
+        found = lab.fit_damping(times, noisy(swing, seed, 1e-3), ["viscous"]).best
         for name, value in TRUE.items():
             assert abs(found.estimates[name] - value) < 4.0 * found.standard_errors[name]
         assert found.rmse == pytest.approx(1e-3, rel=0.05)
@@ -235,7 +234,7 @@ def test_two_links_and_unknown_initial_condition() -> None:
     angles = motion.states[:, :2] + np.random.default_rng(0).normal(0.0, 0.003, (len(motion.times), 2))
     names = [n for n in true.params if n.startswith(("length", "damping"))]
     guess = true.with_params(**{n: 1.04 * true.params[n] for n in names})
-    found = fit_motion(guess, motion.times, angles, names)
+    found = lab.fit_motion(guess, motion.times, angles, names)
     for name in names:
         assert found.estimates[name] == pytest.approx(true.params[name], abs=4.0 * found.standard_errors[name])
 
@@ -247,7 +246,9 @@ def test_a_driven_rod_filmed_from_some_moment() -> None:
     motion = trajectory(true, [pi + 0.3, 0.0], periods=60, samples_per_period=16, phase=0.37)
     assert motion.times[0] == pytest.approx(0.37 * 0.02)
     angles = noisy(motion.states[:, 0], 2, 0.002)
-    found = fit_motion(true.with_params(damping=4.0, amplitude=0.0031), motion.times, angles, ["damping", "amplitude"])
+    found = lab.fit_motion(
+        true.with_params(damping=4.0, amplitude=0.0031), motion.times, angles, ["damping", "amplitude"]
+    )
     for name, value in {"damping": 5.0, "amplitude": 0.003}.items():
         assert found.estimates[name] == pytest.approx(value, abs=4.0 * found.standard_errors[name])
 
@@ -255,59 +256,58 @@ def test_a_driven_rod_filmed_from_some_moment() -> None:
 def test_bad_arguments(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
     times, angles = film
     with pytest.raises(ValueError, match="vary has 'mass': the parameters of free pendulum are length, gravity"):
-        fit_motion(rod(), times, angles, ["mass"])
+        lab.fit_motion(rod(), times, angles, ["mass"])
     with pytest.raises(ValueError, match="give names of parameters, each once"):
-        fit_motion(rod(), times, angles, [])
+        lab.fit_motion(rod(), times, angles, [])
     with pytest.raises(ValueError, match=r"has 5 numbers: give at least 8"):
-        fit_motion(rod(), times[:5], angles[:5], ["length", "damping"])
+        lab.fit_motion(rod(), times[:5], angles[:5], ["length", "damping"])
     with pytest.raises(ValueError, match=r"bounds\['damping'\]=\(2.0, 1.0\): give the smaller one first"):
-        fit_motion(rod(), times, angles, ["damping"], bounds={"damping": (2.0, 1.0)})
+        lab.fit_motion(rod(), times, angles, ["damping"], bounds={"damping": (2.0, 1.0)})
     with pytest.raises(ValueError, match="bounds has 'length'"):
-        fit_motion(rod(), times, angles, ["damping"], bounds={"length": (0.0, 1.0)})
+        lab.fit_motion(rod(), times, angles, ["damping"], bounds={"length": (0.0, 1.0)})
     with pytest.raises(ValueError, match="measured has 3 columns"):
-        fit_motion(rod(), times, np.stack([angles] * 3, axis=-1), ["damping"])
+        lab.fit_motion(rod(), times, np.stack([angles] * 3, axis=-1), ["damping"])
     with pytest.raises(ValueError, match=r"measured\[:, 0\] is constant, 0.3"):
-        fit_motion(rod(), times, np.full(times.size, 0.3), ["damping"])
+        lab.fit_motion(rod(), times, np.full(times.size, 0.3), ["damping"])
     with pytest.raises(TypeError, match="give a ForcedSystem"):
-        fit_motion("rod", times, angles, ["damping"])  # type: ignore[arg-type]
+        lab.fit_motion("rod", times, angles, ["damping"])  # type: ignore[arg-type]
     both = np.stack([angles, np.gradient(angles, times)], axis=-1)
     with pytest.raises(ValueError, match="give a first guess of the state at the first time"):
-        fit_motion(rod(), times, both, ["damping"])
+        lab.fit_motion(rod(), times, both, ["damping"])
     with pytest.raises(ValueError, match=r"kinds=\[\]: name at least one of 'viscous'"):
-        fit_damping(times, angles, kinds=[])
+        lab.fit_damping(times, angles, kinds=[])
     with pytest.raises(ValueError, match=r"kinds='viscous': name at least one of .*, in a list"):
-        fit_damping(times, angles, kinds="viscous")
+        lab.fit_damping(times, angles, kinds="viscous")
     with pytest.raises(TypeError, match="measured: give real numbers"):
-        fit_motion(rod(), times, ["a"] * times.size, ["damping"])
+        lab.fit_motion(rod(), times, ["a"] * times.size, ["damping"])
     with pytest.raises(ValueError, match=r"confidence=95: give a number"):
-        fit_motion(rod(), times, angles, "damping").interval("damping", 95)
+        lab.fit_motion(rod(), times, angles, "damping").interval("damping", 95)
     with pytest.raises(ValueError, match="kinds has 'sticky'"):
-        fit_damping(times, angles, kinds=["sticky"])
+        lab.fit_damping(times, angles, kinds=["sticky"])
     with pytest.raises(ValueError, match="coefficients has 'stickiness': choose among damping, friction, drag"):
-        free_pendulum(0.069, {"stickiness": 1.0})
+        lab.free_pendulum(0.069, {"stickiness": 1.0})
 
 
 def test_viscous_damping_of_a_wide_swing(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
     times, angles = film
-    found = fit_damping(times, noisy(angles, 0), ["viscous"])
+    found = lab.fit_damping(times, noisy(angles, 0), ["viscous"])
     assert found.kind == "viscous"
     assert found.weights == {"viscous": 1.0}
     for name, value in TRUE.items():
         assert found.best.estimates[name] == pytest.approx(value, abs=4.0 * found.best.standard_errors[name])
-    fixed = fit_damping(times, noisy(angles, 0), ["viscous"], length=0.069, zero=False)
+    fixed = lab.fit_damping(times, noisy(angles, 0), ["viscous"], length=0.069, zero=False)
     assert "length" not in fixed.best.estimates
     assert fixed.best.system.params["length"] == 0.069
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("kind", "coefficients"),
-    [("dry", {"friction": 2.5}), ("viscous and dry", {"damping": 0.17, "friction": 1.4})],
+    ("kind", "coefficients"), [("dry", {"friction": 2.5}), ("viscous and dry", {"damping": 0.17, "friction": 1.4})]
 )
 def test_dry_friction_and_mixtures(kind: str, coefficients: dict[str, float]) -> None:
-    true = free_pendulum(0.069, coefficients)
+    true = lab.free_pendulum(0.069, coefficients)
     motion = trajectory(true, [1.28, 0.0], periods=12, samples_per_period=105)
-    found = fit_damping(motion.times, noisy(motion.states[:, 0], 5, 0.0067))
+    found = lab.fit_damping(motion.times, noisy(motion.states[:, 0], 5, 0.0067))
     assert found.kind == kind
     for name, value in {**coefficients, "length": 0.069}.items():
         assert found.best.estimates[name] == pytest.approx(value, abs=4.0 * found.best.standard_errors[name])
@@ -322,7 +322,7 @@ def test_a_short_film_of_two_links() -> None:
     motion = trajectory(true, [0.5, -0.3, 0.0, 0.0], periods=1, samples_per_period=80)
     angles = motion.states[:, :2] + np.random.default_rng(0).normal(0.0, 0.003, (len(motion.times), 2))
     guess = true.with_params(length_2=1.02 * true.params["length_2"])
-    found = fit_motion(guess, motion.times, angles, ["length_2"])
+    found = lab.fit_motion(guess, motion.times, angles, ["length_2"])
     assert found.estimates["length_2"] == pytest.approx(
         true.params["length_2"], abs=4.0 * found.standard_errors["length_2"]
     )
@@ -332,8 +332,8 @@ def test_a_short_film_of_two_links() -> None:
 def test_dry_friction_of_a_short_swing() -> None:
     """A rod that comes to rest within the film."""
     true = {"length": 0.069, "friction": 2.5}
-    motion = trajectory(free_pendulum(0.069, {"friction": 2.5}), [0.6, 0.0], periods=4, samples_per_period=50)
-    found = fit_damping(motion.times, noisy(motion.states[:, 0], 5, 0.0067), ["dry"], zero=False).best
+    motion = trajectory(lab.free_pendulum(0.069, {"friction": 2.5}), [0.6, 0.0], periods=4, samples_per_period=50)
+    found = lab.fit_damping(motion.times, noisy(motion.states[:, 0], 5, 0.0067), ["dry"], zero=False).best
     for name, value in true.items():
         assert found.estimates[name] == pytest.approx(value, abs=4.0 * found.standard_errors[name])
     assert found.rmse == pytest.approx(0.0067, rel=0.15)
@@ -345,10 +345,10 @@ def test_parameters_that_the_motion_does_not_tell_are_named(
     """A pendulum tells gravity over length alone."""
     times, angles = film
     with pytest.warns(UserWarning, match=r"length=0\.\d+ \+- .*, gravity=.*does not tell it from zero; fit fewer"):
-        both = fit_motion(rod(length=0.07), times, noisy(angles, 0), ["length", "gravity", "damping"])
+        both = lab.fit_motion(rod(length=0.07), times, noisy(angles, 0), ["length", "gravity", "damping"])
     assert both.undetermined == ("length", "gravity")
     assert "length undetermined" in repr(both)
-    assert fit_motion(rod(length=0.07), times, noisy(angles, 0), ["length", "damping"]).undetermined == ()
+    assert lab.fit_motion(rod(length=0.07), times, noisy(angles, 0), ["length", "damping"]).undetermined == ()
 
 
 def test_damping_that_a_double_pendulum_does_not_tell_is_warned_of() -> None:
@@ -361,7 +361,7 @@ def test_damping_that_a_double_pendulum_does_not_tell_is_warned_of() -> None:
     motion = trajectory(links(0.02), [0.6, 0.5, 0.0, 0.0], periods=1, samples_per_period=60)
     noise = np.random.default_rng(1).normal(0.0, 0.03, (len(motion.times), 2))
     with pytest.warns(UserWarning, match=r"damping_1=0\.\d+ \+- ") as told:
-        found = fit_motion(links(0.05), motion.times, motion.states[:, :2] + noise, ["damping_1"])
+        found = lab.fit_motion(links(0.05), motion.times, motion.states[:, :2] + noise, ["damping_1"])
     assert told[0].filename == __file__
     assert found.converged
     assert found.undetermined == ("damping_1",)
@@ -373,33 +373,33 @@ def test_guesses_take_the_place_of_extremes(film: tuple[NDArray[np.float64], NDA
     times, angles = film
     t, x = times[:230], noisy(angles, 3)[:230]
     with pytest.raises(ValueError, match=r"angles have 3 extremes.*at least 6, .*give guess= of length, damping"):
-        fit_damping(t, x, ["viscous"])
+        lab.fit_damping(t, x, ["viscous"])
     with pytest.raises(ValueError, match=r"at least 6, .*give guess= of damping$"):
-        fit_damping(t, x, ["viscous"], guess={"length": 0.08})
-    fits = fit_damping(t, x, ["viscous"], guess={"length": 0.08, "damping": 2.0})
+        lab.fit_damping(t, x, ["viscous"], guess={"length": 0.08})
+    fits = lab.fit_damping(t, x, ["viscous"], guess={"length": 0.08, "damping": 2.0})
     assert fits.profile is None
     for name, value in TRUE.items():
         assert fits.best.estimates[name] == pytest.approx(value, abs=4.0 * fits.best.standard_errors[name])
     with pytest.raises(ValueError, match=r"guess\['damping'\]=0: give a number above 0"):
-        fit_damping(t, x, ["viscous"], length=0.069, guess={"damping": 0})
+        lab.fit_damping(t, x, ["viscous"], length=0.069, guess={"damping": 0})
     with pytest.raises(ValueError, match="guess has 'length': what is fitted is damping"):
-        fit_damping(t, x, ["viscous"], length=0.069, guess={"length": 0.07})
+        lab.fit_damping(t, x, ["viscous"], length=0.069, guess={"length": 0.07})
 
 
 def test_all_fits_of_the_laboratory_name_what_is_undetermined() -> None:
     """By one rule; the best kind of damping, and a radius, are warned of."""
     t = np.linspace(0.0, 8.0, 1601)
-    swings = swing_envelope(t, 0.3 * np.exp(-0.2 * t) * np.cos(12.0 * t) + noisy(0.0 * t, 0, 1e-3))
-    assert compare_decays(swings)["viscous and dry"].undetermined == ("friction",)
+    swings = lab.swing_envelope(t, 0.3 * np.exp(-0.2 * t) * np.cos(12.0 * t) + noisy(0.0 * t, 0, 1e-3))
+    assert lab.compare_decays(swings)["viscous and dry"].undetermined == ("friction",)
     with pytest.warns(UserWarning, match=r"friction=.* \+- .*compare fewer kinds="):
-        assert "friction undetermined" in repr(compare_decays(swings, kinds=["viscous and dry"]).best)
-    line = quadratic_decay(swing_envelope(t, (0.9 - 0.1 * t) * np.cos(12.0 * t) + noisy(0.0 * t, 0)))
+        assert "friction undetermined" in repr(lab.compare_decays(swings, kinds=["viscous and dry"]).best)
+    line = lab.quadratic_decay(lab.swing_envelope(t, (0.9 - 0.1 * t) * np.cos(12.0 * t) + noisy(0.0 * t, 0)))
     assert line.undetermined == ("a",)
     t = np.linspace(0.0, 1.0, 2000, endpoint=False)
-    found = recover_drive(t, record_acceleration(VerticalDrive(0.003, 50.0), t, noise=3.0, rng=1), harmonics=4)
+    found = lab.recover_drive(t, lab.record_acceleration(VerticalDrive(0.003, 50.0), t, noise=3.0, rng=1), harmonics=4)
     faint = np.flatnonzero(found.amplitudes < found.amplitude_errors) + 1
     assert found.undetermined == tuple(faint) != ()
     turn = np.linspace(0.0, 0.3, 20)
     arc = np.stack([np.cos(turn), np.sin(turn)], axis=-1) + np.random.default_rng(0).normal(0.0, 0.01, (20, 2))
     with pytest.warns(UserWarning, match=r"radius=.*wider swing"):
-        fit_circle(arc, least_arc=0.01)
+        lab.fit_circle(arc, least_arc=0.01)

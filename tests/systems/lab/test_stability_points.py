@@ -14,18 +14,12 @@ from scipy import stats
 from cellmap import plot, stability_map, stroboscopic_map
 from cellmap.bifurcations import critical_values
 from cellmap.maps import swept_map
-from systems import SHORT_ROD, driven_pendulum
-from systems.lab import (
-    StabilityPoints,
-    compare_with_boundary,
-    measure_least_amplitudes,
-    read_stability_points,
-    stability_points_from_volts,
-    write_stability_points,
-)
+from systems import SHORT_ROD, driven_pendulum, lab
 from systems.synthetic.stability_experiment import stays_up
 
-POINTS = StabilityPoints(np.array([15.0, 25.0, 35.0]), np.array([8.25e-3, 4.95e-3, 3.5e-3]), np.full(3, 5e-5), "short")
+POINTS = lab.StabilityPoints(
+    np.array([15.0, 25.0, 35.0]), np.array([8.25e-3, 4.95e-3, 3.5e-3]), np.full(3, 5e-5), "short"
+)
 
 
 def limits(frequencies: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -44,9 +38,9 @@ def limits(frequencies: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("errors", [None, np.array([5e-5, 1 / 3e5, 1e-7])])
 def test_points_come_back_from_a_file(tmp_path: Path, errors: Any) -> None:
-    written = StabilityPoints(np.array([15.0, 35.0, 20.123456]), np.array([8.25e-3, 1 / 300, 6e-3]), errors)
-    write_stability_points(written, tmp_path / "points.csv")
-    read = read_stability_points(tmp_path / "points.csv", rod="short")
+    written = lab.StabilityPoints(np.array([15.0, 35.0, 20.123456]), np.array([8.25e-3, 1 / 300, 6e-3]), errors)
+    lab.write_stability_points(written, tmp_path / "points.csv")
+    read = lab.read_stability_points(tmp_path / "points.csv", rod="short")
     np.testing.assert_allclose(read.table, written.table, rtol=1e-9)
     assert (read.rod, read.table.shape) == ("short", (3, 2 if errors is None else 3))
 
@@ -54,7 +48,9 @@ def test_points_come_back_from_a_file(tmp_path: Path, errors: Any) -> None:
 def test_a_table_by_hand(tmp_path: Path) -> None:
     path = tmp_path / "points.csv"
     path.write_text("\ufefffrequency_hz, amplitude_mm\r\n15, 12.5\r\n\r\n35,5.25\r\n", encoding="utf-8")
-    assert read_stability_points(path).table == pytest.approx(np.array([[15.0, 12.5e-3], [35.0, 5.25e-3]]), rel=1e-15)
+    assert lab.read_stability_points(path).table == pytest.approx(
+        np.array([[15.0, 12.5e-3], [35.0, 5.25e-3]]), rel=1e-15
+    )
 
 
 @pytest.mark.parametrize(
@@ -76,22 +72,22 @@ def test_bad_tables_are_refused(tmp_path: Path, text: str, message: str) -> None
     path = tmp_path / "points.csv"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ValueError, match=message):
-        read_stability_points(path)
+        lab.read_stability_points(path)
 
 
 def test_a_table_of_another_encoding_is_named(tmp_path: Path) -> None:
     path = tmp_path / "points.csv"
     path.write_text("frequency_hz,amplitude_mm\n15,3\n", encoding="utf-16")
     with pytest.raises(ValueError, match=r"points\.csv: it is no text in UTF-8"):
-        read_stability_points(path)
+        lab.read_stability_points(path)
 
 
 def test_points_from_volts_are_those_of_the_report() -> None:
-    points = stability_points_from_volts([15.0, 35.0], [1.5, 3.5], volts_error=[0.03, 0.07], rod="short")
+    points = lab.stability_points_from_volts([15.0, 35.0], [1.5, 3.5], volts_error=[0.03, 0.07], rod="short")
     expected = [9.8 * v / 2 * 10 / (2 * pi * f) ** 2 for f, v in ((15.0, 1.5), (35.0, 3.5))]
     assert points.amplitudes == pytest.approx(expected, rel=1e-14)
     assert points.amplitude_errors == pytest.approx(0.02 * np.array(expected), rel=1e-14)
-    assert stability_points_from_volts([15.0], [1.5]).amplitude_errors is None
+    assert lab.stability_points_from_volts([15.0], [1.5]).amplitude_errors is None
 
 
 # --- comparison
@@ -99,7 +95,7 @@ def test_points_from_volts_are_those_of_the_report() -> None:
 
 def test_a_power_law_is_met_between_its_nodes() -> None:
     """A curve in proportion to 1/f, which is exact from node to node."""
-    found = compare_with_boundary(POINTS, [40.0, 20.0, 10.0], np.array([3.0, 6.0, 12.0]) * 1e-3)
+    found = lab.compare_with_boundary(POINTS, [40.0, 20.0, 10.0], np.array([3.0, 6.0, 12.0]) * 1e-3)
     expected = 0.12 / POINTS.frequencies
     assert found.expected == pytest.approx(expected, rel=1e-13)
     assert found.residuals == pytest.approx(POINTS.amplitudes - expected, rel=1e-9)
@@ -112,14 +108,16 @@ def test_a_power_law_is_met_between_its_nodes() -> None:
 def test_points_without_a_curve_are_left_out() -> None:
     """Beyond its ends, and beside a gap."""
     curve = np.array([np.nan, 6.0, 3.0]) * 1e-3
-    found = compare_with_boundary(POINTS, [10.0, 20.0, 30.0], curve)
+    found = lab.compare_with_boundary(POINTS, [10.0, 20.0, 30.0], curve)
     assert np.isfinite(found.expected).tolist() == [False, True, False]
     assert found.compared == 1
     assert found.chi_square == pytest.approx((found.residuals[1] / 5e-5) ** 2)
-    nowhere = compare_with_boundary(POINTS, [1.0, 2.0], [1.0, 1.0])
+    nowhere = lab.compare_with_boundary(POINTS, [1.0, 2.0], [1.0, 1.0])
     assert nowhere.compared == 0
     assert np.isnan([nowhere.rms, nowhere.chi_square, nowhere.p_value]).all()
-    bare = compare_with_boundary(StabilityPoints(POINTS.frequencies, POINTS.amplitudes), [10.0, 40.0], [0.012, 0.003])
+    bare = lab.compare_with_boundary(
+        lab.StabilityPoints(POINTS.frequencies, POINTS.amplitudes), [10.0, 40.0], [0.012, 0.003]
+    )
     assert np.isnan(bare.chi_square) and np.isfinite(bare.rms)
 
 
@@ -129,8 +127,8 @@ def test_chances_are_even_where_the_curve_is_true() -> None:
     frequencies = np.linspace(15.0, 35.0, 12)
     curve, errors = 0.12 / frequencies, 1e-5 * np.arange(1, 13)
     chances = [
-        compare_with_boundary(
-            StabilityPoints(frequencies, curve + errors * rng.standard_normal(12), errors), frequencies, curve
+        lab.compare_with_boundary(
+            lab.StabilityPoints(frequencies, curve + errors * rng.standard_normal(12), errors), frequencies, curve
         ).p_value
         for _ in range(400)
     ]
@@ -146,16 +144,16 @@ def test_measured_points_lie_on_the_curve() -> None:
     frequencies = np.array([15.0, 22.0, 28.0, 35.0])
     scale = np.sqrt(2.0 * 9.8 * SHORT_ROD) / (2.0 * pi * frequencies)
     system = driven_pendulum(length=SHORT_ROD, damping=2.5)
-    points = measure_least_amplitudes(
+    points = lab.measure_least_amplitudes(
         system, frequencies, 0.9 * scale, 1.3 * scale, step=0.02, cycles=400, noise=1.0, rng=3, rod="short"
     )
-    found = compare_with_boundary(points, frequencies, limits(frequencies))
+    found = lab.compare_with_boundary(points, frequencies, limits(frequencies))
     assert points.amplitude_errors is not None
     # Half of a step to either side, if nothing else.
     assert np.abs(found.ratios - 1.0).max() < 0.0115
     np.testing.assert_allclose(points.amplitude_errors / points.amplitudes, 0.02 / np.sqrt(12.0), rtol=0.05)
     assert found.p_value > 0.01
-    again = measure_least_amplitudes(
+    again = lab.measure_least_amplitudes(
         system, frequencies, 0.9 * scale, 1.3 * scale, step=0.02, cycles=400, noise=1.0, rng=3, rod="short"
     )
     assert (again.table == points.table).all()
@@ -166,8 +164,8 @@ def test_many_measured_points_have_no_bias() -> None:
     frequencies = np.linspace(15.0, 35.0, 81)
     scale = np.sqrt(2.0 * 9.8 * SHORT_ROD) / (2.0 * pi * frequencies)
     system = driven_pendulum(length=SHORT_ROD, damping=2.5)
-    points = measure_least_amplitudes(system, frequencies, 0.9 * scale, 1.3 * scale, step=0.02, cycles=800, rng=1)
-    found = compare_with_boundary(points, frequencies, limits(frequencies))
+    points = lab.measure_least_amplitudes(system, frequencies, 0.9 * scale, 1.3 * scale, step=0.02, cycles=800, rng=1)
+    found = lab.compare_with_boundary(points, frequencies, limits(frequencies))
     assert points.amplitude_errors is not None
     deviations = found.residuals / points.amplitude_errors
     assert abs(deviations.mean()) * 9.0 < 3.0
@@ -186,7 +184,7 @@ def test_points_over_the_map_of_stability() -> None:
     wide = stability_map(
         system, (pi, 0.0), ("frequency", np.linspace(15.0, 35.0, 9)), ("amplitude", np.linspace(2e-3, 1e-2, 20))
     )
-    points = StabilityPoints(frequencies, boundary, np.full(2, 1e-4))
+    points = lab.StabilityPoints(frequencies, boundary, np.full(2, 1e-4))
     (dots,) = plot.stability_map(wide, measured=points.table).containers
     np.testing.assert_array_equal(dots[0].get_xydata(), points.table[:, :2])
 
@@ -206,27 +204,31 @@ def test_releases_stay_or_fall() -> None:
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda: StabilityPoints(np.array([15.0]), np.array([-1.0])), ValueError, "amplitudes hold -1.0"),
-        (lambda: StabilityPoints(np.array([np.nan]), np.array([1.0])), ValueError, "frequencies hold nan"),
-        (lambda: StabilityPoints(np.array([]), np.array([])), ValueError, "at least one"),
+        (lambda: lab.StabilityPoints(np.array([15.0]), np.array([-1.0])), ValueError, "amplitudes hold -1.0"),
+        (lambda: lab.StabilityPoints(np.array([np.nan]), np.array([1.0])), ValueError, "frequencies hold nan"),
+        (lambda: lab.StabilityPoints(np.array([]), np.array([])), ValueError, "at least one"),
         (
-            lambda: StabilityPoints(np.array([1.0]), np.array([1.0, 2.0])),
+            lambda: lab.StabilityPoints(np.array([1.0]), np.array([1.0, 2.0])),
             ValueError,
             r"amplitudes have the shape \(2,\)",
         ),
         (
-            lambda: StabilityPoints(np.array([1.0]), np.array([1.0]), np.array([0.0])),
+            lambda: lab.StabilityPoints(np.array([1.0]), np.array([1.0]), np.array([0.0])),
             ValueError,
             "amplitude_errors hold",
         ),
-        (lambda: StabilityPoints("f", np.array([1.0])), TypeError, "frequencies='f'"),  # type: ignore[arg-type]
-        (lambda: compare_with_boundary(3, [1.0], [1.0]), TypeError, "points=3"),  # type: ignore[arg-type]
-        (lambda: compare_with_boundary(POINTS, [10.0, 30.0], [1.0]), ValueError, "boundary_amplitudes have the shape"),
-        (lambda: compare_with_boundary(POINTS, [10.0, 30.0, 20.0], [1.0] * 3), ValueError, "goes up and down"),
-        (lambda: compare_with_boundary(POINTS, [10.0, 30.0], [1.0, -1.0]), ValueError, "numbers above 0, or NaN"),
-        (lambda: compare_with_boundary(POINTS, [0.0, 30.0], [1.0, 1.0]), ValueError, "numbers above 0"),
-        (lambda: compare_with_boundary(POINTS, [10.0, 30.0], "ab"), TypeError, "boundary_amplitudes"),
-        (lambda: stability_points_from_volts([15.0], [-1.0]), ValueError, "peak_to_peak_volts=-1.0"),
+        (lambda: lab.StabilityPoints("f", np.array([1.0])), TypeError, "frequencies='f'"),  # type: ignore[arg-type]
+        (lambda: lab.compare_with_boundary(3, [1.0], [1.0]), TypeError, "points=3"),  # type: ignore[arg-type]
+        (
+            lambda: lab.compare_with_boundary(POINTS, [10.0, 30.0], [1.0]),
+            ValueError,
+            "boundary_amplitudes have the shape",
+        ),
+        (lambda: lab.compare_with_boundary(POINTS, [10.0, 30.0, 20.0], [1.0] * 3), ValueError, "goes up and down"),
+        (lambda: lab.compare_with_boundary(POINTS, [10.0, 30.0], [1.0, -1.0]), ValueError, "numbers above 0, or NaN"),
+        (lambda: lab.compare_with_boundary(POINTS, [0.0, 30.0], [1.0, 1.0]), ValueError, "numbers above 0"),
+        (lambda: lab.compare_with_boundary(POINTS, [10.0, 30.0], "ab"), TypeError, "boundary_amplitudes"),
+        (lambda: lab.stability_points_from_volts([15.0], [-1.0]), ValueError, "peak_to_peak_volts=-1.0"),
     ],
 )
 def test_bad_points_are_refused(make: Any, error: type[Exception], message: str) -> None:
@@ -248,12 +250,12 @@ def test_bad_points_are_refused(make: Any, error: type[Exception], message: str)
 def test_bad_experiments_are_refused(lower: float, upper: float, more: dict[str, Any], message: str) -> None:
     system = driven_pendulum(length=SHORT_ROD, damping=2.5)
     with pytest.raises(ValueError, match=message):
-        measure_least_amplitudes(system, [25.0], lower, upper, **{"step": 0.05, "cycles": 200, **more})
+        lab.measure_least_amplitudes(system, [25.0], lower, upper, **{"step": 0.05, "cycles": 200, **more})
 
 
 def test_a_table_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "points.csv"
-    write_stability_points(StabilityPoints(np.array([15.0]), np.array([8.0e-3])), path)
+    lab.write_stability_points(lab.StabilityPoints(np.array([15.0]), np.array([8.0e-3])), path)
     before = path.read_bytes()
 
     def full(*_: object) -> None:
@@ -261,8 +263,10 @@ def test_a_table_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(OSError, match="no space left"):
-        write_stability_points(StabilityPoints(np.array([20.0]), np.array([6.0e-3])), path)
+        lab.write_stability_points(lab.StabilityPoints(np.array([20.0]), np.array([6.0e-3])), path)
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["points.csv"]
     with pytest.raises(FileNotFoundError, match="make it first"):
-        write_stability_points(StabilityPoints(np.array([20.0]), np.array([6.0e-3])), tmp_path / "none" / "points.csv")
+        lab.write_stability_points(
+            lab.StabilityPoints(np.array([20.0]), np.array([6.0e-3])), tmp_path / "none" / "points.csv"
+        )

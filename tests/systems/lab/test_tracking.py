@@ -8,21 +8,7 @@ import numpy as np
 import pytest
 from filmed_markers import CAMERA, CENTRE, LOST, SEEN, errors, frame_with, rotating_rods, times_at
 
-from systems.lab import (
-    Bar,
-    Camera,
-    Look,
-    MarkerStatus,
-    Rail,
-    Rod,
-    Spot,
-    film_at_rate,
-    pivot_on_rail,
-    place_hidden,
-    render_film,
-    select_frames,
-    track_markers,
-)
+from systems import lab
 from systems.lab.films.marker_search import match
 
 
@@ -36,34 +22,34 @@ def test_matching_keeps_to_the_rods() -> None:
 
 def test_fast_markers_are_foreseen() -> None:
     """20 pixels a frame, with a window of 16; without knowing the velocity they are found in the doubled one."""
-    recording = render_film(
-        rotating_rods((0.06,), (0.5,), (33.0,)), CAMERA, times_at(100.0, 90), Look(marker_radius=4.0)
+    recording = lab.render_film(
+        rotating_rods((0.06,), (0.5,), (33.0,)), CAMERA, times_at(100.0, 90), lab.Look(marker_radius=4.0)
     )
     assert np.linalg.norm(np.diff(recording.truth[:, 0], axis=0), axis=1).min() > 19.0
-    found = track_markers(recording.film, recording.truth[0])
+    found = lab.track_markers(recording.film, recording.truth[0])
     assert (found.status == SEEN).all()
     assert errors(recording, found).max() < 0.2
 
 
 def test_a_bar_a_bright_object_and_dropped_frames() -> None:
     """What is not seen whole is flagged; the marker is found again, and the bright object never taken for it."""
-    rod = Rod(0, CENTRE, 55.0)
+    rod = lab.Rod(0, CENTRE, 55.0)
     for seed, rods in ((0, ()), (1, (rod,))):
-        recording = render_film(
+        recording = lab.render_film(
             rotating_rods((0.055,), (0.5,), (9.0,)),
             CAMERA,
             times_at(150.0, 140),
             exposure=0.001,
-            bars=[Bar(40.0, 58.0, 0.0, 160.0)],
-            spots=[Spot(68.0, 46.0, 5.0)],
+            bars=[lab.Bar(40.0, 58.0, 0.0, 160.0)],
+            spots=[lab.Spot(68.0, 46.0, 5.0)],
             dropped=[7, 30, 31, 32, 90],
             rng=seed,
         )
-        found = track_markers(recording.film, recording.truth[0], rods)
+        found = lab.track_markers(recording.film, recording.truth[0], rods)
         seen = found.status[:, 0] == SEEN
         assert errors(recording, found)[seen].max() < 0.25
         assert (recording.visible[seen] > 0.95).all()
-        assert (found.status[[7, 30, 31, 32, 90], 0] == MarkerStatus.NO_FRAME).all()
+        assert (found.status[[7, 30, 31, 32, 90], 0] == lab.MarkerStatus.NO_FRAME).all()
         assert seen.mean() > 0.6
         hidden = recording.visible[:, 0] < 0.9
         assert hidden.any()
@@ -74,11 +60,15 @@ def test_a_bar_a_bright_object_and_dropped_frames() -> None:
 
 def test_a_long_absence() -> None:
     """Three quarters of a second behind a bar, more than a full rotation, with a bright object in the image."""
-    bars = [Bar(0.0, 159.0, 0.0, 159.0, start=0.1, end=0.85)]
-    recording = render_film(
-        rotating_rods((0.055,), (0.5,), (9.0,)), CAMERA, times_at(150.0, 145), bars=bars, spots=[Spot(30.0, 20.0, 5.0)]
+    bars = [lab.Bar(0.0, 159.0, 0.0, 159.0, start=0.1, end=0.85)]
+    recording = lab.render_film(
+        rotating_rods((0.055,), (0.5,), (9.0,)),
+        CAMERA,
+        times_at(150.0, 145),
+        bars=bars,
+        spots=[lab.Spot(30.0, 20.0, 5.0)],
     )
-    found = track_markers(recording.film, recording.truth[0], [Rod(0, CENTRE, 55.0)])
+    found = lab.track_markers(recording.film, recording.truth[0], [lab.Rod(0, CENTRE, 55.0)])
     after = recording.film.times > 0.86
     assert (found.status[after, 0] == SEEN).all()
     assert errors(recording, found)[after].max() < 0.2
@@ -91,13 +81,13 @@ def test_a_long_absence() -> None:
 def test_what_is_found_again_and_stands_is_no_marker(stays: bool) -> None:
     """A disc put on the circle of the rod while the marker is hidden: for good, or until after that comes back."""
     motion = rotating_rods((0.055,), (0.5,), (9.0,))
-    hidden = [Bar(0.0, 159.0, 0.0, 159.0, grey=40.0, start=0.2, end=0.6)]
-    plain = render_film(motion, CAMERA, times_at(150.0, 145), bars=hidden, rng=1)
+    hidden = [lab.Bar(0.0, 159.0, 0.0, 159.0, grey=40.0, start=0.2, end=0.6)]
+    plain = lab.render_film(motion, CAMERA, times_at(150.0, 145), bars=hidden, rng=1)
     other = CENTRE[0] + 55.0 * np.sin(2.4), CENTRE[1] + 55.0 * np.cos(2.4)
     there = (plain.film.times > 0.4) & (stays | (plain.film.times < 0.65))
     disc = frame_with(other, shape=(160, 160)).astype(np.uint8)
     frames = np.where(there[:, None, None], np.maximum(plain.film.frames, disc), plain.film.frames)
-    found = track_markers(film_at_rate(frames, 150.0), plain.truth[0], [Rod(0, CENTRE, 55.0)])
+    found = lab.track_markers(lab.film_at_rate(frames, 150.0), plain.truth[0], [lab.Rod(0, CENTRE, 55.0)])
     seen = found.status[:, 0] == SEEN
     assert errors(plain, found)[seen].max() < 0.2
     assert seen[plain.film.times < 0.19].all()
@@ -107,9 +97,9 @@ def test_what_is_found_again_and_stands_is_no_marker(stays: bool) -> None:
 
 def test_a_free_marker_is_found_after_a_long_time() -> None:
     """Without a rod, straight on it would be far outside of the image by then."""
-    bars = [Bar(0.0, 159.0, 0.0, 159.0, start=0.2, end=0.7)]
-    recording = render_film(rotating_rods((0.055,), (0.5,), (9.0,)), CAMERA, times_at(150.0, 145), bars=bars)
-    found = track_markers(recording.film, recording.truth[0])
+    bars = [lab.Bar(0.0, 159.0, 0.0, 159.0, start=0.2, end=0.7)]
+    recording = lab.render_film(rotating_rods((0.055,), (0.5,), (9.0,)), CAMERA, times_at(150.0, 145), bars=bars)
+    found = lab.track_markers(recording.film, recording.truth[0])
     after = recording.film.times > 0.71
     assert (found.status[after, 0] == SEEN).all()
     assert errors(recording, found)[after].max() < 0.2
@@ -117,31 +107,33 @@ def test_a_free_marker_is_found_after_a_long_time() -> None:
 
 def test_markers_that_cross() -> None:
     """Two links folded over each other: merged, flagged, and distinguished again."""
-    rods = (Rod(0, CENTRE, 35.0), Rod(1, 0, 34.0))
-    look = Look(pivot_marker=False, marker_radius=4.0)
-    recording = render_film(rotating_rods((0.035, 0.034), (0.3, 0.9), (2.0, 11.0)), CAMERA, times_at(200.0, 190), look)
+    rods = (lab.Rod(0, CENTRE, 35.0), lab.Rod(1, 0, 34.0))
+    look = lab.Look(pivot_marker=False, marker_radius=4.0)
+    recording = lab.render_film(
+        rotating_rods((0.035, 0.034), (0.3, 0.9), (2.0, 11.0)), CAMERA, times_at(200.0, 190), look
+    )
     apart = np.linalg.norm(recording.truth[:, 0] - recording.truth[:, 1], axis=1)
     assert apart.min() > 30.0
-    pivoted = Look(pivot_marker=True, marker_radius=4.0)
+    pivoted = lab.Look(pivot_marker=True, marker_radius=4.0)
     motion = rotating_rods((0.035, 0.034), (0.3, 0.3), (2.0, 11.0))
-    crossing = render_film(motion, CAMERA, times_at(200.0, 190), pivoted, rng=1)
+    crossing = lab.render_film(motion, CAMERA, times_at(200.0, 190), pivoted, rng=1)
     close = np.linalg.norm(crossing.truth[:, 0] - crossing.truth[:, 2], axis=1)
     assert close.min() < 4.0
-    held = (Rod(1, 0, 35.0), Rod(2, 1, 34.0))
-    found = track_markers(crossing.film, crossing.truth[0], held)
+    held = (lab.Rod(1, 0, 35.0), lab.Rod(2, 1, 34.0))
+    found = lab.track_markers(crossing.film, crossing.truth[0], held)
     seen = found.status == SEEN
     assert np.nanmax(errors(crossing, found)) < 0.4
     assert not seen[close < 6.0][:, [0, 2]].any()
     assert seen[close > 12.0].mean() > 0.97
-    chain = track_markers(recording.film, recording.truth[0], rods)
+    chain = lab.track_markers(recording.film, recording.truth[0], rods)
     assert (chain.status == SEEN).mean() > 0.97
     assert np.nanmax(errors(recording, chain)) < 0.4
 
 
 def test_a_marker_that_leaves_the_image() -> None:
-    camera = Camera(1000.0, (80.0, 120.0), (160, 160))
-    recording = render_film(rotating_rods((0.055,), (2.0,), (6.0,)), camera, times_at(150.0, 145))
-    found = track_markers(recording.film, recording.truth[0], [Rod(0, (80.0, 120.0), 55.0)])
+    camera = lab.Camera(1000.0, (80.0, 120.0), (160, 160))
+    recording = lab.render_film(rotating_rods((0.055,), (2.0,), (6.0,)), camera, times_at(150.0, 145))
+    found = lab.track_markers(recording.film, recording.truth[0], [lab.Rod(0, (80.0, 120.0), 55.0)])
     seen = found.status[:, 0] == SEEN
     assert (recording.visible[seen, 0] == 1.0).all()
     assert (~seen).sum() > 20
@@ -151,13 +143,13 @@ def test_a_marker_that_leaves_the_image() -> None:
 
 def test_uneven_times() -> None:
     """Frames that are absent: the marker is looked for where its velocity has taken it meanwhile."""
-    recording = render_film(
-        rotating_rods((0.055,), (0.5,), (12.0,)), CAMERA, times_at(200.0, 180), Look(marker_radius=4.0)
+    recording = lab.render_film(
+        rotating_rods((0.055,), (0.5,), (12.0,)), CAMERA, times_at(200.0, 180), lab.Look(marker_radius=4.0)
     )
     kept = np.random.default_rng(1).random(180) < 0.6
     kept[:2] = True
-    film = select_frames(recording.film, kept)
-    found = track_markers(film, recording.truth[0], [Rod(0, CENTRE, 55.0)])
+    film = lab.select_frames(recording.film, kept)
+    found = lab.track_markers(film, recording.truth[0], [lab.Rod(0, CENTRE, 55.0)])
     assert (found.status == SEEN).all()
     assert np.linalg.norm(found.positions - recording.truth[kept], axis=-1).max() < 0.2
 
@@ -165,15 +157,15 @@ def test_uneven_times() -> None:
 def test_a_hidden_pivot_that_moves_vertically() -> None:
     """The report's scheme: the pivot from the end of the rod; with the error that follows from that of the end."""
     motion = rotating_rods((0.055,), (0.4,), (0.5,), swing=0.006)
-    look = Look(pivot_marker=True, rod_width=0.0)
-    bars = [Bar(60.0, 100.0, 60.0, 100.0, start=0.3, end=0.7)]
-    recording = render_film(motion, CAMERA, times_at(200.0, 190), look, bars=bars, rng=2)
-    rods, rails = (Rod(1, 0, 55.0),), (Rail(0, 80.0),)
-    found = track_markers(recording.film, recording.truth[0], rods, rails)
+    look = lab.Look(pivot_marker=True, rod_width=0.0)
+    bars = [lab.Bar(60.0, 100.0, 60.0, 100.0, start=0.3, end=0.7)]
+    recording = lab.render_film(motion, CAMERA, times_at(200.0, 190), look, bars=bars, rng=2)
+    rods, rails = (lab.Rod(1, 0, 55.0),), (lab.Rail(0, 80.0),)
+    found = lab.track_markers(recording.film, recording.truth[0], rods, rails)
     hidden = found.status[:, 0] == LOST
     assert hidden.sum() > 70
-    filled = place_hidden(found, rods, rails, near=80.0)
-    assert (filled.status[hidden, 0] == MarkerStatus.CONSTRAINED).all()
+    filled = lab.place_hidden(found, rods, rails, near=80.0)
+    assert (filled.status[hidden, 0] == lab.MarkerStatus.CONSTRAINED).all()
     apart = filled.positions[hidden, 0] - recording.truth[hidden, 0]
     assert np.abs(apart).max() < 0.1
     assert 0.6 < (apart[:, 1] / filled.errors[hidden, 0, 1]).std() < 1.5
@@ -187,14 +179,14 @@ def test_a_shaken_pivot_of_a_rod_that_rotates() -> None:
     ends = np.stack([60.0 + 50.0 * np.sin(angles), rows + 50.0 * np.cos(angles)], axis=-1)
     ends[300:330] = np.nan
     for near in (38.0, 40.0, 43.0):
-        pivots, slopes = pivot_on_rail(ends, 50.0, 60.0, near)
+        pivots, slopes = lab.pivot_on_rail(ends, 50.0, 60.0, near)
         known = np.isfinite(pivots[:, 1])
         assert known.mean() > 0.9
         assert (known == np.isfinite(slopes)).all()
         assert np.abs(pivots[known, 1] - rows[known]).max() < 1e-9
         assert slopes[known] == pytest.approx(np.tan(angles[known]), abs=1e-9)
     flat = np.abs(np.cos(angles)) < 0.08
-    pivots = pivot_on_rail(np.where(flat[:, None], ends, np.nan), 50.0, 60.0, 40.0)[0]
+    pivots = lab.pivot_on_rail(np.where(flat[:, None], ends, np.nan), 50.0, 60.0, 40.0)[0]
     known = np.isfinite(pivots[:, 1])
     assert known.sum() < 0.5 * flat.sum()
     assert np.abs(pivots[known, 1] - rows[known]).max(initial=0.0) < 1e-9
@@ -202,7 +194,7 @@ def test_a_shaken_pivot_of_a_rod_that_rotates() -> None:
 
 def test_solutions_that_are_not_sure_are_left_out() -> None:
     ends = [[149.0, 80.0], [135.0, 80.0], [np.nan, 1.0], [112.0, 106.0], [48.0, 122.0]]
-    pivots, slopes = pivot_on_rail(ends, length=55.0, column=80.0, near=70.0)
+    pivots, slopes = lab.pivot_on_rail(ends, length=55.0, column=80.0, near=70.0)
     assert np.isnan(pivots[:3]).all()
     assert pivots[3:, 1] == pytest.approx([106.0 - np.sqrt(55.0**2 - 32.0**2), 122.0 - np.sqrt(55.0**2 - 32.0**2)])
     assert slopes[3] == pytest.approx(32.0 / np.sqrt(55.0**2 - 32.0**2))

@@ -22,11 +22,7 @@ def filmed(*frames: Any) -> Film:
         ([(70, 60)], {"threshold": 35.0}, "all pixels at the initial positions exceed it"),
         ([(30, 30)], {"threshold": 250.0}, "no pixel at the initial positions exceeds it"),
         ([(41, 30)], {}, "no marker is above the grey value"),
-        (
-            [(30, 300)],
-            {},
-            r"positions\[0\]=\(30, 300\): give a pixel \(column, row\) in the image of 100 x 80",
-        ),
+        ([(30, 300)], {}, r"positions\[0\]=\(30, 300\): give a pixel \(column, row\) in the image of 100 x 80"),
         ([(np.nan, 30)], {}, "give a pixel"),
         ([30, 30], {}, "give a pixel .* for each marker"),
         ([(30, 30), (31, 30)], {}, "are at the same marker"),
