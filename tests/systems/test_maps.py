@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from math import cos, log, pi, sin, sqrt
+from math import cos, log, pi, sin
 
 import numpy as np
 import pytest
 
 from cellmap import CellGrid, find_basins
 from cellmap.attractors.chaos import lyapunov_exponents
-from cellmap.maps import jacobian
 from systems import grebogi_ott_yorke_map, henon_map, logistic_map, mcdonald_map, standard_map
 
 
@@ -60,13 +59,6 @@ def test_the_boundary_of_mcdonalds_map(degree: int, growth: float) -> None:
     assert np.mean(ends > 0.0) == pytest.approx(0.5, abs=0.01)
 
 
-def test_an_accelerator_mode() -> None:
-    """For k = 2 pi the kicks at theta = pi/2 add 2 pi of momentum each."""
-    image = standard_map(2.0 * pi).iterate([0.5 * pi, 0.0], 10)
-    assert image.points == pytest.approx([0.5 * pi, 0.0], abs=1e-9)
-    assert image.rotations[1] == 10
-
-
 @pytest.mark.parametrize(("k", "passes"), [(0.9, False), (2.0, True)])
 def test_circles_stop_the_momentum_below_greenes_threshold(k: float, passes: bool) -> None:
     initial_conditions = np.stack(np.meshgrid(np.linspace(-3.0, 3.0, 9), np.linspace(-3.0, 3.0, 9)), axis=-1)
@@ -90,17 +82,3 @@ def test_the_exponent_and_the_density_of_the_logistic_map() -> None:
     cloud = np.sort(np.concatenate([point_map.iterate(initial_conditions, n).points[:, 0] for n in range(30, 50)]))
     fraction = np.arange(len(cloud)) / len(cloud)
     assert np.abs(2.0 / pi * np.arcsin(np.sqrt(cloud)) - fraction).max() < 0.02
-
-
-def test_periods_of_the_logistic_map() -> None:
-    """A fixed point of multiplier 2 - mu, a cycle of multiplier 4 + 2 mu - mu^2, superstable for 1 + sqrt(5)."""
-    interval = CellGrid((0.0,), (1.0,), (50,))
-    (fixed,) = find_basins(logistic_map(2.8), interval).attractors
-    assert (fixed.period, fixed.points[0, 0]) == (1, pytest.approx(1.0 - 1.0 / 2.8, abs=1e-9))
-    assert fixed.multipliers.real == pytest.approx([-0.8], abs=1e-8)
-    (cycle,) = find_basins(logistic_map(3.2), interval).attractors
-    assert cycle.period == 2
-    assert cycle.multipliers.real == pytest.approx([4.0 + 6.4 - 3.2**2], abs=1e-8)
-    assert jacobian(logistic_map(1.0 + sqrt(5.0)), [0.5], 2)[0, 0] == pytest.approx(0.0, abs=1e-13)
-    (window,) = find_basins(logistic_map(3.8318740552833), interval).attractors
-    assert window.period == 3

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import quad
 from scipy.special import ellipk
 
 import systems
-from cellmap import CellGrid, ForcedSystem, find_basins, stroboscopic_map
+from cellmap import ForcedSystem, stroboscopic_map
 from cellmap.attractors.chaos import lyapunov_exponents
 from cellmap.maps import jacobian
 
@@ -87,22 +87,6 @@ def test_melnikovs_critical_forcing(factory: Any, velocity: Callable[[float], fl
     taken = quad(lambda t: velocity(t) ** 2, 0.0, 40.0)[0]
     given = abs(quad(lambda t: velocity(t) * sin(p.frequency * t), 0.0, 40.0, limit=200)[0])
     assert p.damping * taken / given == pytest.approx(critical, abs=6e-5)
-
-
-def test_a_small_and_a_large_oscillation_coexist_in_a_hardening_spring() -> None:
-    system = systems.duffing_oscillator()
-    basins = find_basins(stroboscopic_map(system), CellGrid((-3.0, -3.0), (3.0, 3.0), (30, 30)))
-    assert [a.period for a in basins.attractors] == [1, 1]
-    assert sum(f.fraction for k, f in basins.fractions.items() if k >= 0) == 1.0
-    # Harmonic balance: ((1 - w^2 + 3/4 a^2)^2 + (damping w)^2) a^2 = forcing^2 (Kovacic, Brennan 2011).
-    w = 1.4
-    squares = np.roots([9.0 / 16.0, 1.5 * (1.0 - w * w), (1.0 - w * w) ** 2 + (0.1 * w) ** 2, -0.09])
-    assert np.abs(squares.imag).max() == 0.0
-    small, _, large = np.sqrt(np.sort(squares.real))
-    times = np.arange(64) / 64.0 * system.length
-    for attractor, amplitude in zip(basins.attractors, (small, large), strict=True):
-        solution = solve_ivp(system.fun, (0.0, system.length), attractor.points[0], "DOP853", times, rtol=1e-9)
-        assert 2.0 * abs(np.mean(solution.y[0] * np.exp(1j * w * times))) == pytest.approx(amplitude, rel=0.02)
 
 
 def test_the_exponents_of_uedas_attractor() -> None:

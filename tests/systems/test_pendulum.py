@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import pi, sin, sqrt
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,12 +13,6 @@ from cellmap.maps import jacobian
 from systems import dimensionless_parameters, dimensionless_pendulum, driven_pendulum, physical_parameters
 
 W = 2.0 * pi * 50.0
-INVERTED = (pi, 0.0)
-
-
-def multipliers(amplitude: float, ic: tuple[float, float] = INVERTED, **changes: float) -> Any:
-    strobe = stroboscopic_map(driven_pendulum(amplitude=amplitude, **changes))
-    return np.sort_complex(np.linalg.eigvals(jacobian(strobe, ic)))[::-1]
 
 
 def test_the_sign_convention() -> None:
@@ -57,23 +50,6 @@ def test_dimensionless_parameters(amplitude: float, beta: float) -> None:
     }
     physical = {"length": 0.0272, "amplitude": amplitude, "frequency": 50.0, "damping": 10.0, "gravity": 9.8}
     assert physical_parameters(**scaled, length=0.0272, frequency=50.0) == pytest.approx(physical, rel=1e-14)
-
-
-@pytest.mark.parametrize(
-    ("amplitude", "damping", "ic", "multiplier"),
-    [
-        (2.329021135978e-3, 10.0, INVERTED, 1.0),
-        (2.327849487651e-3, 0.0, INVERTED, 1.0),
-        (12.542910208e-3, 10.0, INVERTED, -1.0),
-        (12.210173235e-3, 10.0, (0.0, 0.0), -1.0),
-    ],
-)
-def test_where_the_equilibria_change_stability(
-    amplitude: float, damping: float, ic: tuple[float, float], multiplier: float
-) -> None:
-    """At the critical amplitudes one multiplier is 1 or -1; undamped both are, up to the square root of the error."""
-    values = multipliers(amplitude, ic, damping=damping)
-    assert np.abs(values - multiplier).min() < (1e-8 if damping else 1e-4)
 
 
 def test_rotations() -> None:

@@ -6,15 +6,17 @@ import math
 from dataclasses import dataclass
 from functools import cache
 from math import cos, pi, sin
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from filmed_markers import steady
 
 import systems
 import systems.dimensionless
 import systems.lab
-from cellmap import ForcedSystem, angle
+from cellmap import ForcedSystem, angle, trajectory
 from systems import ANGULAR_ACCELERATION, Effect, Terms, quantity
 from systems.lab import time_series
 
@@ -57,13 +59,18 @@ T = np.arange(0.0, 8.0, 0.005)
 SWING = np.exp(-0.2 * T) * np.cos(12.0 * T)
 ROD, CAMERA = systems.lab.free_pendulum(0.069, {"damping": 0.4}), systems.lab.Camera(500.0, (32.25, 20.5), (64, 80))
 
+MOTION, FRAMES = steady(), np.zeros((6, 12, 16), np.uint8)
+FILM, UNEVEN = systems.lab.film_at_rate(FRAMES, 25.0), systems.lab.Film(FRAMES, np.array([0.0, 1, 2, 3, 5, 6]))
+POINTS = systems.lab.StabilityPoints(np.array([15.0, 25.0, 35.0]), np.array([8.25e-3, 4.95e-3, 3.5e-3]))
+
 
 @cache
 def names() -> dict[str, Any]:
     """What the calls below are made of."""
     offered = {name: getattr(package, name) for package in (systems, systems.lab) for name in package.__all__}
     offered |= {**vars(math), **vars(systems.dimensionless), **vars(time_series)}
-    return {**offered, **globals(), "envelope": systems.lab.swing_envelope(T, SWING)}
+    results = {"moved": trajectory(PLAIN, [[0.0, 1.0]], 1), "envelope": systems.lab.swing_envelope(T, SWING)}
+    return {**offered, **globals(), **results}
 
 
 VALUES = r"""
@@ -186,6 +193,23 @@ fit_damping(T, SWING, ["viscous"], length=0.069, guess={"length": 0.07}) | guess
 free_pendulum(0.069, {"stickiness": 1.0})           | coefficients has 'stickiness': choose among damping, friction
 Camera(0.0, (0.0, 0.0), (4, 4))                     | scale=0\.0: give a number above 0
 CAMERA.pixels([1.0, 2.0, 3.0])                      | give pairs
+render_film(MOTION, CAMERA, [0.0, 0.5], exposure=0.02) | the exposures reach from -0.01 to 0.51 s .* film less
+render_film(MOTION, CAMERA, [0.1, 0.101])           | a sample every 0.0025 s, and frames are closer
+render_film(MOTION, CAMERA, [0.2, 0.1])             | strictly increase
+render_film(moved, CAMERA, [0.1])                    | give the trajectory of one
+write_film(FILM, "film.doc")                        | choose the suffix
+write_film(UNEVEN, "film.gif")                      | film has uneven times
+write_film(film_at_rate(FRAMES / 2.0, 25.0), "film.gif") | film has grey values of float64
+StabilityPoints(np.array([15.0]), np.array([-1.0])) | amplitudes hold -1.0
+StabilityPoints(np.array([nan]), np.array([1.0]))   | frequencies hold nan
+StabilityPoints(np.array([]), np.array([]))         | at least one
+StabilityPoints(np.array([1.0]), np.array([1, 2.0])) | amplitudes have the shape \(2,\)
+StabilityPoints(*np.ones((2, 1)), np.array([0.0]))  | amplitude_errors hold
+compare_with_boundary(POINTS, [10, 30], [1.0])      | boundary_amplitudes have the shape
+compare_with_boundary(POINTS, [10, 30, 20], [1, 1, 1]) | goes up and down
+compare_with_boundary(POINTS, [10, 30], [1.0, -1])  | numbers above 0, or NaN
+compare_with_boundary(POINTS, [0.0, 30.0], [1, 1])  | numbers above 0
+stability_points_from_volts([15.0], [-1.0])         | peak_to_peak_volts=-1.0
 Rod(0, 0, 5.0)                                      | count markers from the pivot outwards
 """
 
@@ -219,15 +243,28 @@ fit_motion("rod", T, SWING, ["damping"])            | give a ForcedSystem
 fit_motion(ROD, T, ["a"] * T.size, ["damping"])     | measured: give real numbers
 measured_series(["a", "b"], [1.0, 2.0])             | times: give real numbers
 measured_series([1.0, 2.0], ["a", "b"], "volts")    | volts: give real numbers
+render_film(3, CAMERA, [0.1])                       | give a Trajectory
+StabilityPoints("f", np.array([1.0]))               | frequencies='f'
+compare_with_boundary(3, [1.0], [1.0])              | points=3
+compare_with_boundary(POINTS, [10.0, 30.0], "ab")   | boundary_amplitudes
 Camera(1.0, 3, (4, 4))                              | origin=3: give a tuple of two numbers
 """
 
 
-ROWS = [(error, row) for error, rows in ((ValueError, VALUES), (TypeError, TYPES)) for row in rows.split("\n")[1:-1]]
+FILES = r"""
+write_film(FILM, "no/such/folder/film.gif")         | make it first
+write_film(FILM, "no/such/folder")                  | make it first
+write_film(FILM, ".")                               | is there already
+"""
+
+KINDS = (ValueError, VALUES), (TypeError, TYPES), (OSError, FILES)
+ROWS = [(error, row) for error, rows in KINDS for row in rows.split("\n")[1:-1]]
 
 
 @pytest.mark.parametrize(("error", "row"), ROWS, ids=range(len(ROWS)))
-def test_what_is_refused(error: type[Exception], row: str) -> None:
+def test_what_is_refused(error: type[Exception], row: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     call, _, message = row.partition("|")
     with pytest.raises(error, match=message.strip()):
         eval(call, names())
+    assert not list(tmp_path.iterdir())

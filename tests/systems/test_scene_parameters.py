@@ -93,11 +93,6 @@ def test_springs_of_joints_store_energy() -> None:
     assert not any(c.period for c in system.axes)
 
 
-def test_numbers_of_joints_are_measured_in_units() -> None:
-    system = systems.scene(CHAIN, systems.ViscousDamping((5.0, 2.0)), period=1.0, units=systems.Units(time=0.1))
-    assert (system.params["damping_1"], system.params["damping_2"]) == (0.5, 0.2)
-
-
 # --- several drives, and several effects of a kind
 
 
@@ -129,14 +124,6 @@ def test_two_drives_are_those_of_an_equation_written_by_hand(scipy_images: Calla
         assert system.derivative(t, x) == pytest.approx(hand.derivative(t, x), rel=1e-14)
     images = stroboscopic_map(system, rtol=1e-12, atol=1e-12).iterate(initial_conditions, 1).unwrapped
     assert images == pytest.approx(scipy_images(hand, initial_conditions), rel=1e-9, abs=1e-9)
-
-
-def test_a_prefix_costs_nothing() -> None:
-    """The traced formulas are those that are written by hand."""
-    system = systems.scene(systems.Pendulum(0.0272), GRAVITY, SHAKER, systems.ViscousDamping(10.0), SLOW)
-    made, hand = (traced_function(rhs, 2, tuple(system.params)) for rhs in (system.rhs, pushed_twice))
-    assert made is not None and hand is not None
-    assert len(made.levels()) == len(hand.levels())
 
 
 def test_effects_of_one_kind_are_numbered() -> None:

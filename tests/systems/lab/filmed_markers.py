@@ -49,3 +49,16 @@ def frame_with(*places: tuple[float, float], radius: float = 5.0, shape: tuple[i
     for column, row in places:
         frame += 160.0 * np.clip(radius + 0.5 - np.hypot(columns - column, rows - row), 0.0, 1.0)
     return gaussian_filter(frame, 0.8)
+
+
+def steady(speed: float = 0.0, length: float = 0.05) -> Trajectory:
+    """A rod that turns evenly about the origin: its end is at length (sin, -cos) of 1 + speed t."""
+    system = ForcedSystem(
+        lambda t, x, p: (p.speed,),
+        {"speed": speed, "length": length},
+        1.0,
+        (angle("theta"),),
+        outputs={"positions": lambda t, x, p: (0.0, 0.0, p.length * np.sin(x[0]), -p.length * np.cos(x[0]))},
+    )
+    times = np.linspace(0.0, 1.0, 401)
+    return Trajectory(system, times, (1.0 + speed * times)[:, None], np.zeros((), np.uint8), 400)

@@ -79,16 +79,6 @@ def test_losses_are_those_of_the_integrals_over_a_swing(amplitude: float, name: 
     assert (now - later) / step == pytest.approx(expected, rel=2e-5)
 
 
-def test_small_swings_decay_as_exponential_line_and_hyperbola() -> None:
-    times = np.linspace(0.0, 3.0, 30)
-    a = 1e-3
-    np.testing.assert_allclose(decaying(a, {"damping": 0.4}, 10.0, times), a * np.exp(-0.2 * times), rtol=1e-5)
-    line = np.maximum(a - 2.0 * 0.01 / (pi * 10.0) * times, 0.0)
-    np.testing.assert_allclose(decaying(a, {"friction": 0.01}, 10.0, times), line, atol=1e-8)
-    hyperbola = a / (1.0 + 4.0 * 50.0 * 10.0 * a / (3.0 * pi) * times)
-    np.testing.assert_allclose(decaying(a, {"drag": 50.0}, 10.0, times), hyperbola, rtol=1e-5)
-
-
 @pytest.mark.parametrize(
     ("kind", "coefficients"),
     [
@@ -113,26 +103,6 @@ def test_kinds_are_told_apart_and_measured_at_large_amplitude(kind: str, coeffic
         assert sum(found.weights.values()) == pytest.approx(1.0)
     # Of two nested models Akaike's criterion takes the larger one too often, once in six: that is its nature.
     assert sum(right) >= 2
-
-
-def test_a_parabola_cannot_tell_kinds_apart_at_large_amplitude() -> None:
-    """Wide swings bend the profile of purely viscous damping down, to 59 % of the curvature of its exponential."""
-    viscous = lab.quadratic_decay(lab.swing_envelope(TIMES, film(1.3, {"damping": 0.4})), start_time=0.0)
-    assert 0.5 < viscous.curvature < 0.75
-    narrow = lab.quadratic_decay(lab.swing_envelope(TIMES, film(0.05, {"damping": 0.1})), start_time=0.0)
-    assert narrow.curvature == pytest.approx(0.87, abs=0.05)
-
-
-def test_a_swing_that_does_not_decay_is_refused() -> None:
-    steady = lab.swing_envelope(
-        TIMES, 0.5 * np.cos(12.0 * TIMES) + np.random.default_rng(0).normal(0.0, 1e-3, TIMES.size)
-    )
-    growing = lab.swing_envelope(TIMES, 0.5 * np.exp(0.1 * TIMES) * np.cos(12.0 * TIMES))
-    for bad in (steady, growing):
-        with pytest.raises(ValueError, match="that is no decay"):
-            lab.quadratic_decay(bad)
-        with pytest.raises(ValueError, match="that is no decay"):
-            lab.compare_decays(bad)
 
 
 def first_period(motion: NDArray[np.float64]) -> lab.MotionFit:
@@ -183,9 +153,3 @@ def test_errors_of_the_first_period_cover() -> None:
     # Standard error of a standard deviation of 25: 0.14; of their mean: 0.2.
     assert np.std(z) == pytest.approx(1.0, abs=0.45)
     assert abs(np.mean(z)) < 0.6
-
-
-def test_a_length_needs_a_frequency() -> None:
-    assert lab.effective_length(lab.Estimate(FREQUENCY, 0.0)).value == pytest.approx(LENGTH, rel=1e-12)
-    with pytest.raises(ValueError, match=r"frequency=0\.0: give a number above 0"):
-        lab.effective_length(lab.Estimate(0.0, 0.1))

@@ -105,12 +105,3 @@ def test_the_least_squares_are_those_of_scipy() -> None:
     assert found.phase_errors == pytest.approx(errors[3:5], rel=4e-3)
     assert (found.mean_error, found.drift_error) == pytest.approx(errors[5:7], rel=4e-3)
     assert found.noise == pytest.approx(10.0, rel=0.1)
-
-
-def test_errors_of_a_sine_are_the_least_possible() -> None:
-    """Cramer and Rao: amplitude sqrt(2/n) s, frequency sqrt(6/n)/(pi T R) s, for n samples of white noise s."""
-    record = record_acceleration(SINE, TIMES, noise=3.0, rng=8)
-    found = recover_drive(TIMES, record, noise="white", drift=False)
-    peak = 0.003 * (2.0 * pi * 47.37) ** 2
-    assert found.frequency_error == pytest.approx(3.0 * np.sqrt(6.0 / 2000) / (pi * peak), rel=0.05)
-    assert found.amplitude_errors[0] / 0.003 == pytest.approx(3.0 * np.sqrt(2.0 / 2000) / peak, rel=0.05)

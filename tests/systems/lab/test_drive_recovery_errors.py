@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from math import pi
 
 import numpy as np
 import pytest
@@ -58,20 +57,6 @@ def test_error_bars_cover_95_percent(name: str) -> None:
     assert len(right) >= 570
     fractions = np.mean([np.abs(deviations(drive, f)) < 1.96 for f in right], axis=0)
     assert ((fractions > 0.92) & (fractions < 0.98)).all()
-
-
-def test_bars_for_white_noise_are_too_short_in_coloured_noise() -> None:
-    drive, make = RECORDS["coloured"]
-    as_white = [recover_drive(*make(seed), noise="white") for seed in range(60)]
-    white, coloured = (
-        np.mean([np.abs(deviations(drive, found)) < 1.96 for found in drives])
-        for drives in (as_white, recovered("coloured"))
-    )
-    assert white < 0.8 < 0.9 < coloured
-    one = recover_drive(*make(0))
-    # Of noise that forgets itself in 5 ms, sampled each ms: exp(-0.2); and 2 tau/dt/(1 + (w tau)^2) at 47 Hz.
-    assert one.autocorrelation == pytest.approx(np.exp(-0.2), abs=0.08)
-    assert one.noise_factors[0] == pytest.approx(10.0 / (1.0 + (2 * pi * 47.37 * 0.005) ** 2), rel=0.5)
 
 
 def test_noise_is_no_drive() -> None:

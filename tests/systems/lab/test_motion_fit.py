@@ -14,7 +14,6 @@ from cellmap import ForcedSystem, trajectory
 from systems import (
     Chain,
     Gravity,
-    Pendulum,
     VerticalDrive,
     ViscousDamping,
     double_pendulum,
@@ -69,21 +68,6 @@ def test_exact_series_give_exact_parameters(film: tuple[NDArray[np.float64], NDA
     assert found.rmse < 1e-6
 
 
-@pytest.mark.slow
-def test_errors_are_those_of_many_measurements(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
-    times, angles = film
-    z: list[list[float]] = []
-    for seed in range(25):
-        found = lab.fit_motion(rod(), times, noisy(angles, seed) + 0.01, ["length", "damping"], zero=True)
-        exact = {**TRUE, "start theta": 1.3, "start theta'": 0.0, "zero theta": 0.01}
-        assert found.rmse == pytest.approx(0.004, rel=0.1)
-        assert abs(found.correlation) < 0.12
-        z.append([(found.estimates[n] - v) / found.standard_errors[n] for n, v in exact.items()])
-    # Standard error of a standard deviation of 25: 0.14.
-    assert np.std(z, axis=0) == pytest.approx([1.0] * 5, abs=0.45)
-    assert np.abs(np.mean(z, axis=0)).max() < 0.7
-
-
 def test_gaps_and_uneven_times(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
     times, angles = film
     gapped = noisy(angles, 1)
@@ -100,42 +84,6 @@ def test_gaps_and_uneven_times(film: tuple[NDArray[np.float64], NDArray[np.float
         low, high = found.interval(name)
         assert (high - low) / 2 == pytest.approx(1.966 * found.standard_errors[name], rel=2e-3)
         assert (high + low) / 2 == pytest.approx(found.estimates[name])
-
-
-def test_a_wrong_model_shows(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
-    """An undamped model leaves residuals that follow each other, and says so."""
-    times, angles = film
-    undamped = scene(Pendulum(0.069), Gravity(9.8), period=0.5)
-    found = lab.fit_motion(undamped, times, noisy(angles, 0), ["length"])
-    assert found.correlation > 0.95
-    assert "residuals follow each other" in repr(found)
-    assert found.rmse > 0.05
-    right = lab.fit_motion(rod(), times, noisy(angles, 0), ["length", "damping"])
-    assert right.aicc < found.aicc - 1000.0
-
-
-@pytest.mark.slow
-def test_what_a_motion_does_not_tell_has_no_small_error(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
-    """Length and gravity act by their ratio alone; that of damping is told as well as with gravity known."""
-    times, angles = film
-    known = lab.fit_motion(rod(), times, noisy(angles, 0), ["length", "damping"])
-    with pytest.warns(UserWarning, match="length=.*gravity="):
-        found = lab.fit_motion(rod(length=0.075), times, noisy(angles, 0), ["length", "gravity", "damping"])
-    assert found.standard_errors["length"] > 0.069
-    assert found.standard_errors["gravity"] > 9.8
-    assert found.standard_errors["damping"] == pytest.approx(known.standard_errors["damping"], rel=0.01)
-    assert found.estimates["gravity"] / found.estimates["length"] == pytest.approx(9.8 / 0.069, rel=1e-4)
-
-
-def test_a_parameter_that_is_not_there_ends_on_its_bound() -> None:
-    free = scene(Pendulum(0.069), Gravity(9.8), period=0.5)
-    motion = trajectory(free, [0.5, 0.0], periods=8, samples_per_period=100)
-    with pytest.warns(UserWarning, match="damping=.* does not tell it from zero"):
-        found = lab.fit_motion(rod(damping=0.05), motion.times, noisy(motion.states[:, 0], 4), ["length", "damping"])
-    low, high = found.interval("damping")
-    assert 0.0 <= found.estimates["damping"] < 1e-3
-    assert low <= 0.0 + 1e-3
-    assert high < 3e-3
 
 
 def test_a_swing_that_grows_ends_on_the_bound_of_its_damping() -> None:
@@ -208,38 +156,6 @@ def test_noise_between_dense_samples_is_no_swing() -> None:
 
 
 @pytest.mark.slow
-def test_dense_samples_of_a_small_swing() -> None:
-    period = 2.0 * pi * (0.069 / 9.8) ** 0.5
-    times = np.linspace(0.0, 4.0 * period, 4000)
-    swing = solve_ivp(
-        lambda t, x: [x[1], -9.8 / 0.069 * np.sin(x[0]) - 0.4 * x[1]],
-        (0.0, times[-1]),
-        [0.1, 0.0],
-        "DOP853",
-        t_eval=times,
-        rtol=1e-10,
-        atol=1e-12,
-    ).y[0]
-    for seed in range(6):
-        found = lab.fit_damping(times, noisy(swing, seed, 1e-3), ["viscous"]).best
-        for name, value in TRUE.items():
-            assert abs(found.estimates[name] - value) < 4.0 * found.standard_errors[name]
-        assert found.rmse == pytest.approx(1e-3, rel=0.05)
-
-
-@pytest.mark.slow
-def test_two_links_and_unknown_initial_condition() -> None:
-    true = double_pendulum(amplitude=0.0, frequency=2.0, damping=0.5)
-    motion = trajectory(true, [0.5, -0.3, 0.0, 0.0], periods=4, samples_per_period=200)
-    angles = motion.states[:, :2] + np.random.default_rng(0).normal(0.0, 0.003, (len(motion.times), 2))
-    names = [n for n in true.params if n.startswith(("length", "damping"))]
-    guess = true.with_params(**{n: 1.04 * true.params[n] for n in names})
-    found = lab.fit_motion(guess, motion.times, angles, names)
-    for name in names:
-        assert found.estimates[name] == pytest.approx(true.params[name], abs=4.0 * found.standard_errors[name])
-
-
-@pytest.mark.slow
 def test_a_driven_rod_filmed_from_some_moment() -> None:
     """The forcing counts from 0, so the first time tells its phase."""
     true = driven_pendulum(damping=5.0)
@@ -251,41 +167,6 @@ def test_a_driven_rod_filmed_from_some_moment() -> None:
     )
     for name, value in {"damping": 5.0, "amplitude": 0.003}.items():
         assert found.estimates[name] == pytest.approx(value, abs=4.0 * found.standard_errors[name])
-
-
-def test_bad_arguments(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
-    times, angles = film
-    with pytest.raises(ValueError, match="vary has 'mass': the parameters of free pendulum are length, gravity"):
-        lab.fit_motion(rod(), times, angles, ["mass"])
-    with pytest.raises(ValueError, match="give names of parameters, each once"):
-        lab.fit_motion(rod(), times, angles, [])
-    with pytest.raises(ValueError, match=r"has 5 numbers: give at least 8"):
-        lab.fit_motion(rod(), times[:5], angles[:5], ["length", "damping"])
-    with pytest.raises(ValueError, match=r"bounds\['damping'\]=\(2.0, 1.0\): give the smaller one first"):
-        lab.fit_motion(rod(), times, angles, ["damping"], bounds={"damping": (2.0, 1.0)})
-    with pytest.raises(ValueError, match="bounds has 'length'"):
-        lab.fit_motion(rod(), times, angles, ["damping"], bounds={"length": (0.0, 1.0)})
-    with pytest.raises(ValueError, match="measured has 3 columns"):
-        lab.fit_motion(rod(), times, np.stack([angles] * 3, axis=-1), ["damping"])
-    with pytest.raises(ValueError, match=r"measured\[:, 0\] is constant, 0.3"):
-        lab.fit_motion(rod(), times, np.full(times.size, 0.3), ["damping"])
-    with pytest.raises(TypeError, match="give a ForcedSystem"):
-        lab.fit_motion("rod", times, angles, ["damping"])  # type: ignore[arg-type]
-    both = np.stack([angles, np.gradient(angles, times)], axis=-1)
-    with pytest.raises(ValueError, match="give a first guess of the state at the first time"):
-        lab.fit_motion(rod(), times, both, ["damping"])
-    with pytest.raises(ValueError, match=r"kinds=\[\]: name at least one of 'viscous'"):
-        lab.fit_damping(times, angles, kinds=[])
-    with pytest.raises(ValueError, match=r"kinds='viscous': name at least one of .*, in a list"):
-        lab.fit_damping(times, angles, kinds="viscous")
-    with pytest.raises(TypeError, match="measured: give real numbers"):
-        lab.fit_motion(rod(), times, ["a"] * times.size, ["damping"])
-    with pytest.raises(ValueError, match=r"confidence=95: give a number"):
-        lab.fit_motion(rod(), times, angles, "damping").interval("damping", 95)
-    with pytest.raises(ValueError, match="kinds has 'sticky'"):
-        lab.fit_damping(times, angles, kinds=["sticky"])
-    with pytest.raises(ValueError, match="coefficients has 'stickiness': choose among damping, friction, drag"):
-        lab.free_pendulum(0.069, {"stickiness": 1.0})
 
 
 def test_viscous_damping_of_a_wide_swing(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from cellmap import plot, stability_map, stroboscopic_map
+from cellmap import stroboscopic_map
 from cellmap.bifurcations import critical_values
 from cellmap.maps import swept_map
 from systems import SHORT_ROD, driven_pendulum, lab
@@ -121,20 +121,6 @@ def test_points_without_a_curve_are_left_out() -> None:
     assert np.isnan(bare.chi_square) and np.isfinite(bare.rms)
 
 
-def test_chances_are_even_where_the_curve_is_true() -> None:
-    """Kolmogorov and Smirnov, over 400 experiments of 12 points with normal errors."""
-    rng = np.random.default_rng(3)
-    frequencies = np.linspace(15.0, 35.0, 12)
-    curve, errors = 0.12 / frequencies, 1e-5 * np.arange(1, 13)
-    chances = [
-        lab.compare_with_boundary(
-            lab.StabilityPoints(frequencies, curve + errors * rng.standard_normal(12), errors), frequencies, curve
-        ).p_value
-        for _ in range(400)
-    ]
-    assert stats.kstest(chances, "uniform").pvalue > 0.01
-
-
 # --- the experiment
 
 
@@ -159,36 +145,6 @@ def test_measured_points_lie_on_the_curve() -> None:
     assert (again.table == points.table).all()
 
 
-@pytest.mark.slow
-def test_many_measured_points_have_no_bias() -> None:
-    frequencies = np.linspace(15.0, 35.0, 81)
-    scale = np.sqrt(2.0 * 9.8 * SHORT_ROD) / (2.0 * pi * frequencies)
-    system = driven_pendulum(length=SHORT_ROD, damping=2.5)
-    points = lab.measure_least_amplitudes(system, frequencies, 0.9 * scale, 1.3 * scale, step=0.02, cycles=800, rng=1)
-    found = lab.compare_with_boundary(points, frequencies, limits(frequencies))
-    assert points.amplitude_errors is not None
-    deviations = found.residuals / points.amplitude_errors
-    assert abs(deviations.mean()) * 9.0 < 3.0
-    assert 0.01 < found.p_value < 0.99
-
-
-def test_points_over_the_map_of_stability() -> None:
-    """White dots lie where the class of the map changes: stable a little above them, not so a little below."""
-    frequencies = np.array([20.0, 30.0])
-    boundary = limits(frequencies)
-    system = driven_pendulum(length=SHORT_ROD, damping=2.5)
-    for f, a in zip(frequencies, boundary, strict=True):
-        axes = ("frequency", f + np.arange(3) * 1e-6), ("amplitude", np.array([0.98, 0.99, 1.01]) * a)
-        classes = stability_map(system, (pi, 0.0), *axes).unstable
-        assert classes[:, 0].tolist() == [1, 1, 0]
-    wide = stability_map(
-        system, (pi, 0.0), ("frequency", np.linspace(15.0, 35.0, 9)), ("amplitude", np.linspace(2e-3, 1e-2, 20))
-    )
-    points = lab.StabilityPoints(frequencies, boundary, np.full(2, 1e-4))
-    (dots,) = plot.stability_map(wide, measured=points.table).containers
-    np.testing.assert_array_equal(dots[0].get_xydata(), points.table[:, :2])
-
-
 def test_releases_stay_or_fall() -> None:
     strobe = swept_map(stroboscopic_map(driven_pendulum(length=SHORT_ROD, damping=2.5)), "amplitude", "frequency")
     (limit,) = limits(np.array([25.0]))
@@ -199,41 +155,6 @@ def test_releases_stay_or_fall() -> None:
 
 
 # --- what is refused
-
-
-@pytest.mark.parametrize(
-    ("make", "error", "message"),
-    [
-        (lambda: lab.StabilityPoints(np.array([15.0]), np.array([-1.0])), ValueError, "amplitudes hold -1.0"),
-        (lambda: lab.StabilityPoints(np.array([np.nan]), np.array([1.0])), ValueError, "frequencies hold nan"),
-        (lambda: lab.StabilityPoints(np.array([]), np.array([])), ValueError, "at least one"),
-        (
-            lambda: lab.StabilityPoints(np.array([1.0]), np.array([1.0, 2.0])),
-            ValueError,
-            r"amplitudes have the shape \(2,\)",
-        ),
-        (
-            lambda: lab.StabilityPoints(np.array([1.0]), np.array([1.0]), np.array([0.0])),
-            ValueError,
-            "amplitude_errors hold",
-        ),
-        (lambda: lab.StabilityPoints("f", np.array([1.0])), TypeError, "frequencies='f'"),  # type: ignore[arg-type]
-        (lambda: lab.compare_with_boundary(3, [1.0], [1.0]), TypeError, "points=3"),  # type: ignore[arg-type]
-        (
-            lambda: lab.compare_with_boundary(POINTS, [10.0, 30.0], [1.0]),
-            ValueError,
-            "boundary_amplitudes have the shape",
-        ),
-        (lambda: lab.compare_with_boundary(POINTS, [10.0, 30.0, 20.0], [1.0] * 3), ValueError, "goes up and down"),
-        (lambda: lab.compare_with_boundary(POINTS, [10.0, 30.0], [1.0, -1.0]), ValueError, "numbers above 0, or NaN"),
-        (lambda: lab.compare_with_boundary(POINTS, [0.0, 30.0], [1.0, 1.0]), ValueError, "numbers above 0"),
-        (lambda: lab.compare_with_boundary(POINTS, [10.0, 30.0], "ab"), TypeError, "boundary_amplitudes"),
-        (lambda: lab.stability_points_from_volts([15.0], [-1.0]), ValueError, "peak_to_peak_volts=-1.0"),
-    ],
-)
-def test_bad_points_are_refused(make: Any, error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        make()
 
 
 @pytest.mark.parametrize(

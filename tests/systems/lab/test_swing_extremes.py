@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from systems.lab import Envelope, natural_frequency, swing_envelope
 from systems.lab.free_swings.swing_extremes import slowing
-from systems.lab.time_series import measured_series, neighbour_correlation, noise_level, widening
+from systems.lab.time_series import neighbour_correlation, noise_level, widening
 
 FREQUENCY, RATE = 11.9, 0.15
 TIMES = np.arange(0.0, 8.0, 0.005)
@@ -60,12 +60,6 @@ def test_errors_are_those_of_many_measurements(noise: float) -> None:
         assert z.std() == pytest.approx(1.0, abs=0.12)
 
 
-def test_a_release_from_rest_and_the_end_of_the_film_are_no_extremes() -> None:
-    wave = np.cos(10.0 * np.linspace(0.0, 0.7 * pi, 400))
-    found = swing_envelope(np.linspace(0.0, 0.7 * pi, 400), wave)
-    np.testing.assert_allclose(found.times, 0.1 * pi * np.arange(1, 7), atol=1e-6)
-
-
 @pytest.mark.parametrize("begin", [1.0, 1.13, 1.31, 1.44])
 @pytest.mark.parametrize("length", [0.05, 0.2, 0.5, 1.1])
 def test_gaps_hide_extremes_and_are_counted(begin: float, length: float) -> None:
@@ -76,16 +70,6 @@ def test_gaps_hide_extremes_and_are_counted(begin: float, length: float) -> None
     np.testing.assert_allclose(found.times, whole.times[nearest], atol=6e-3)
     assert np.diff(nearest).tolist() == found.half_swings.tolist()
     assert len(whole.times) - len(found.times) <= 2 + length * FREQUENCY / pi
-
-
-def test_dropped_and_uneven_samples() -> None:
-    kept = np.sort(np.random.default_rng(3).choice(TIMES.size, 1200, replace=False))
-    found = swing_envelope(TIMES[kept], damped(noise=1e-3)[kept])
-    times, heights = extremes(found.times)
-    assert len(found.times) == 30
-    np.testing.assert_allclose(found.times, times, atol=5e-3)
-    np.testing.assert_allclose(found.amplitudes, heights, atol=3e-3)
-    assert found.noise == pytest.approx(1e-3, rel=0.1)
 
 
 def test_coarse_steps_make_no_monstrous_extremes() -> None:
@@ -143,13 +127,6 @@ def test_a_wide_swing_is_slow() -> None:
 def test_series_without_an_envelope(times: NDArray[np.float64], angles: NDArray[np.float64], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         swing_envelope(times, angles)
-
-
-def test_series_are_numbers() -> None:
-    with pytest.raises(TypeError, match="times: give real numbers"):
-        measured_series(["a", "b"], [1.0, 2.0])
-    with pytest.raises(TypeError, match="volts: give real numbers"):
-        measured_series([1.0, 2.0], ["a", "b"], "volts")
 
 
 def test_half_swings_are_counted_where_most_extremes_are_hidden() -> None:
