@@ -86,7 +86,7 @@ def test_an_alias_is_taken_for_what_it_looks_like() -> None:
         recover_drive(times, record, frequency=90.0)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_million_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     """Some dozens of passes with some terms each, as for a thousand samples: 230 numbers a sample."""
     computed, original = 0, Record._rows

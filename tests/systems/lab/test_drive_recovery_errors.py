@@ -35,7 +35,10 @@ def recovered(name: str) -> list[RecoveredDrive]:
     return [recover_drive(*RECORDS[name][1](seed)) for seed in range(60)]
 
 
-@pytest.mark.parametrize("name", RECORDS)
+FEW = ("white", *(pytest.param(n, marks=pytest.mark.thorough) for n in RECORDS if n != "white"))
+
+
+@pytest.mark.parametrize("name", FEW)
 def test_error_bars_cover_the_truth(name: str) -> None:
     """95 % within 1.96; of 60 seeds times parameters a fraction of 88 % and less has a chance below 0.001."""
     drive, _ = RECORDS[name]
@@ -59,6 +62,7 @@ def test_error_bars_cover_95_percent(name: str) -> None:
     assert ((fractions > 0.92) & (fractions < 0.98)).all()
 
 
+@pytest.mark.thorough
 def test_noise_is_no_drive() -> None:
     """A chance of 0.001 each: two and more of 60 have one of 0.002."""
     found = 0

@@ -44,6 +44,7 @@ def ratio(found: Any, truth: Any) -> Any:
     return np.sqrt(np.nanmean(((found.positions[:, 0] - truth) / found.errors[:, 0]) ** 2, axis=0))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("blur", [0.2, 0.4, 0.6])
 def test_a_sharp_disc_that_hardly_moves(blur: float) -> None:
     """Over a tenth of a pixel in ten frames its error does not scatter; the width of its edge tells of it."""
@@ -59,7 +60,7 @@ def lit(slope: float) -> Any:
     return lambda column, row: 0.8 * disc(column, row) * (1.0 + slope * (columns - column) / 5.0)
 
 
-@pytest.mark.parametrize("slope", [0.03, 0.1, 0.3])
+@pytest.mark.parametrize("slope", [0.1, *(pytest.param(s, marks=pytest.mark.thorough) for s in (0.03, 0.3))])
 def test_a_marker_that_is_brighter_on_one_side(slope: float) -> None:
     """One plateau for all of it would put its centre 0.03, 0.1 and 0.34 pixels off, 3 to 34 standard errors."""
     truth = swinging()
@@ -69,7 +70,7 @@ def test_a_marker_that_is_brighter_on_one_side(slope: float) -> None:
     assert (ratio(found, truth) < 1.2).all()
 
 
-@pytest.mark.parametrize("radius", [4.0, 5.0, 9.0])
+@pytest.mark.parametrize("radius", [5.0, *(pytest.param(r, marks=pytest.mark.thorough) for r in (4.0, 9.0))])
 def test_slopes_inside_a_blob(radius: float) -> None:
     """A slope of about ten standard errors is found within these; of noise alone, hardly ever any."""
     rng = np.random.default_rng(0)

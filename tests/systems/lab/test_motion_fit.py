@@ -68,6 +68,7 @@ def test_exact_series_give_exact_parameters(film: tuple[NDArray[np.float64], NDA
     assert found.rmse < 1e-6
 
 
+@pytest.mark.thorough
 def test_gaps_and_uneven_times(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
     times, angles = film
     gapped = noisy(angles, 1)
@@ -97,6 +98,7 @@ def test_a_swing_that_grows_ends_on_the_bound_of_its_damping() -> None:
     assert "damping on its bound" in repr(found)
 
 
+@pytest.mark.thorough
 def test_a_poor_guess_slips_no_rotation_in_a_long_film() -> None:
     """Some 57 swings of a rod whose length is guessed 30 % too long; exact within the scatter of the noise."""
     true = rod(damping=0.08)
@@ -108,7 +110,7 @@ def test_a_poor_guess_slips_no_rotation_in_a_long_film() -> None:
         assert found.estimates[name] == pytest.approx(value, abs=4.0 * found.standard_errors[name])
 
 
-@pytest.mark.parametrize("begin", [-0.37, *(pytest.param(b, marks=pytest.mark.slow) for b in (0.0, 1.2345))])
+@pytest.mark.parametrize("begin", [-0.37, pytest.param(1.2345, marks=pytest.mark.thorough)])
 def test_the_frequency_of_a_drive(begin: float) -> None:
     """A driven oscillator by SciPy, filmed from some moment; the period of the system is that of the drive."""
 
@@ -155,7 +157,7 @@ def test_noise_between_dense_samples_is_no_swing() -> None:
     assert job.until(0.5).swings == pytest.approx(2.0, abs=0.51)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_driven_rod_filmed_from_some_moment() -> None:
     """The forcing counts from 0, so the first time tells its phase."""
     true = driven_pendulum(damping=5.0)

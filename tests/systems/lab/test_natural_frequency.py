@@ -60,6 +60,7 @@ def test_a_half_swing_that_loses_amplitude_is_longer(kind: str, amplitude: float
         assert longer == pytest.approx(0.5 / np.pi**2, rel=0.06)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("amplitude", [0.05, 0.8, 2.0, 2.8])
 @pytest.mark.parametrize(
     "damping", [(1.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 5.0, 0.0), (0.0, 0.0, 0.3), (0.3, 1.0, 0.0)], ids=str

@@ -81,6 +81,7 @@ def test_orders_of_convergence_of_rates() -> None:
         assert ratios == pytest.approx([16.0, 16.0] if even else [8.0, 8.0], rel=0.1)
 
 
+@pytest.mark.thorough
 def test_standard_errors_cover() -> None:
     """Errors over standard errors have the standard deviation 1, of angles and of rates, up to chance."""
     angles = np.stack([1.2 * np.sin(6.0 * TIMES), 5.0 * TIMES], axis=-1)
@@ -167,6 +168,7 @@ def test_the_circle_of_least_squares() -> None:
     assert repr(found).startswith("Circle((")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("span", [0.6, 3.0, 6.2])
 def test_standard_errors_of_the_circle(span: float) -> None:
     """The truth lies within 1.96 of them in 95 % of 400 cases, give or take 4 binomial standard deviations."""
@@ -194,6 +196,7 @@ def test_points_without_a_circle(points: Any, error: str) -> None:
         fit_circle(points)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("window", "degree"), [(7, 3), (9, 3), (7, 2), (11, 4)])
 @pytest.mark.parametrize(("fast", "noise"), [(12.0, 0.02), (46.0, 0.005), (46.0, 0.1), (90.0, 0.02)])
 def test_errors_of_rates_hold_what_a_polynomial_cannot_follow(

@@ -124,7 +124,7 @@ def test_points_without_a_curve_are_left_out() -> None:
 # --- the experiment
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_measured_points_lie_on_the_curve() -> None:
     """Steps of 2 %; a release from 0.05 rad needs 0.0625 % more, a ninth of an error."""
     frequencies = np.array([15.0, 22.0, 28.0, 35.0])

@@ -42,6 +42,7 @@ def test_extremes_of_a_damped_cosine_without_noise() -> None:
     assert len(found.times) == 30
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("noise", [0.001, 0.004])
 def test_errors_are_those_of_many_measurements(noise: float) -> None:
     heights, times, count = [], [], []
@@ -60,8 +61,8 @@ def test_errors_are_those_of_many_measurements(noise: float) -> None:
         assert z.std() == pytest.approx(1.0, abs=0.12)
 
 
-@pytest.mark.parametrize("begin", [1.0, 1.13, 1.31, 1.44])
-@pytest.mark.parametrize("length", [0.05, 0.2, 0.5, 1.1])
+@pytest.mark.parametrize("begin", [1.13, 1.44])
+@pytest.mark.parametrize("length", [0.05, 0.5])
 def test_gaps_hide_extremes_and_are_counted(begin: float, length: float) -> None:
     gapped = damped(noise=1e-3)
     gapped[(begin < TIMES) & (begin + length > TIMES)] = np.nan
@@ -154,6 +155,7 @@ def test_intervals_that_are_no_half_swings_are_refused() -> None:
         natural_frequency(envelope)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("uneven", [False, True])
 def test_times_of_extremes_in_much_noise(uneven: bool) -> None:
     """A tenth of the amplitude is noise, and the series ends on an extreme: frequencies scatter by their errors."""
