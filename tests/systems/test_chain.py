@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from math import cos, pi, sin
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +11,7 @@ from chain_equations import LINKS, MASSES, dense, relative
 import systems
 from cellmap import ForcedSystem
 from cellmap._compiled.codegen.kernel import traced_function
-from cellmap._compiled.codegen.rebind import rebind
-from cellmap._compiled.codegen.trace import STATEFUL, TIMED
-from systems.forces import Acting, combined
+from cellmap._compiled.codegen.trace import STATEFUL
 
 
 @pytest.mark.parametrize("links", [1, 2, 3, 5, 8])
@@ -47,58 +43,6 @@ def test_the_mass_matrix_form(links: int) -> None:
         assert seen[links:] == pytest.approx(expected, rel=1e-11, abs=1e-11)
 
 
-def lagrange(links: int) -> Any:
-    """Residuals of the equations of Lagrange, with Rayleigh's dissipation, for the accelerations of a chain."""
-    sympy = pytest.importorskip("sympy")
-    t, g, lift, damping = sympy.symbols("t g Y gamma")
-    lengths, masses = sympy.symbols(f"l1:{links + 1}"), sympy.symbols(f"m1:{links + 1}")
-    functions = [sympy.Function(f"q{i}")(t) for i in range(links)]
-    x, y, kinetic, potential = 0, sympy.Function("y")(t), 0, 0
-    pivot = y
-    for q, length, mass in zip(functions, lengths, masses, strict=True):
-        x, y = x + length * sympy.sin(q), y - length * sympy.cos(q)
-        kinetic += mass * (x.diff(t) ** 2 + y.diff(t) ** 2) / 2
-        potential += mass * g * y
-    rates = [q.diff(t) for q in functions]
-    lost = masses[0] * lengths[0] ** 2 * damping / 2
-    lost *= sum((r - b) ** 2 for r, b in zip(rates, [0, *rates[:-1]], strict=True))
-    residuals = [
-        (kinetic - potential).diff(r).diff(t) - (kinetic - potential).diff(q) + lost.diff(r)
-        for q, r in zip(functions, rates, strict=True)
-    ]
-    upward = systems.Gravity(9.8).terms, systems.ViscousDamping(1.0).terms, systems.Terms(vertical=lambda t, p: p.lift)
-    rhs = rebind(
-        systems.Chain.compose(combined([Acting(terms) for terms in upward], links)),
-        {"sin": sympy.sin, "cos": sympy.cos},
-    )
-    values = {f"length_{i + 1}": v for i, v in enumerate(lengths)}
-    values |= {f"mass_{i + 1}": v for i, v in enumerate(masses)}
-    p = SimpleNamespace(**values, gravity=g, damping=damping, lift=lift)
-    angles, speeds = sympy.symbols(f"a1:{links + 1}"), sympy.symbols(f"b1:{links + 1}")
-    found = rhs(t, (*angles, *speeds), p)[links:]
-    found = [e.xreplace({f: sympy.Rational(f) for f in e.atoms(sympy.Float)}) for e in found]
-    place = [(pivot.diff(t, 2), lift), (pivot.diff(t), sympy.Symbol("V"))]
-    place += [(q.diff(t, 2), f) for q, f in zip(functions, found, strict=True)]
-    place += [(r, b) for r, b in zip(rates, speeds, strict=True)]
-    place += [(q, a) for q, a in zip(functions, angles, strict=True)]
-    return sympy, [r.doit().subs(place) for r in residuals]
-
-
-@pytest.mark.thorough
-def test_the_equation_of_lagrange_at_random_states() -> None:
-    """Three links, with 40 digits."""
-    import mpmath
-
-    sympy, residuals = lagrange(3)
-    symbols = sorted(set().union(*[r.free_symbols for r in residuals]), key=str)
-    function = sympy.lambdify(symbols, residuals, "mpmath", cse=True)
-    rng = np.random.default_rng(0)
-    with mpmath.workdps(40):
-        for _ in range(3):
-            values = map(mpmath.mpf, rng.uniform(0.3, 2.0, len(symbols)).tolist())
-            assert max(abs(r) for r in function(*values)) < 1e-30
-
-
 def test_the_explicit_double_pendulum() -> None:
     """(13) to (20) of the report, corrected: theta from down, y up."""
     system = systems.double_pendulum(0.3, 0.2, 0.7, 0.4, amplitude=0.01, frequency=4.0, damping=0.0)
@@ -115,32 +59,6 @@ def test_the_explicit_double_pendulum() -> None:
         assert system.derivative(t, (a, b, u, v)) == pytest.approx(
             (u, v, -first / (l1 * term), second / (l2 * term)), rel=1e-12
         )
-
-
-@pytest.mark.parametrize(
-    ("effects", "lanes", "before"),
-    [
-        ((systems.Gravity(9.8), systems.VerticalDrive(0.006, 50.0)), {"sin": 2, "cos": 2, "div": 1}, {"cos": 1}),
-        (
-            (systems.Gravity(9.8), systems.RotatingDrive(0.006, 0.006, 50.0)),
-            {"sin": 2, "cos": 2, "div": 1},
-            {"sin": 1, "cos": 1},
-        ),
-        ((systems.TorqueDrive(1.0, 50.0),), {"sin": 2, "cos": 2, "div": 1}, {"cos": 1}),
-    ],
-)
-def test_what_the_trace_of_the_double_pendulum_holds(
-    effects: tuple[systems.Effect, ...], lanes: dict[str, int], before: dict[str, int]
-) -> None:
-    system = systems.scene(systems.Chain((0.032, 0.032), (1.0, 0.25)), *effects, period=0.02)
-    costly = {"sin", "cos", "div"}
-    trace = traced_function(system.rhs, 4, tuple(system.params))
-    assert trace is not None and trace.is_analytic
-    levels = trace.levels()
-    for level, expected in ((STATEFUL, lanes), (TIMED, before)):
-        names = [n.operation for n in levels if n.arguments and levels[n] == level and n.operation in costly]
-        assert {n: names.count(n) for n in names} == expected
-    assert not any(n.operation == "constant" and n.value == 0.0 for n in levels)
 
 
 def operations(system: ForcedSystem) -> int:

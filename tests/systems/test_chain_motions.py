@@ -8,11 +8,10 @@ from math import pi
 import numpy as np
 import pytest
 from chain_equations import LINKS, MASSES, dense, relative
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import systems
-from cellmap import ForcedSystem, stroboscopic_map
+from cellmap import stroboscopic_map
 from cellmap._compiled.codegen.rebind import rebind
 
 W = 2.0 * pi * 50.0
@@ -23,30 +22,6 @@ def test_the_double_pendulum_after_one_period() -> None:
     scale = np.array([1.0, 1.0, W, W])
     expected = (2.039335961693, 0.736205328087, 0.119529455898, 0.271635760474)
     assert strobe(np.array([1.0, -0.5, 0.2, 0.1]) * scale) / scale == pytest.approx(expected, abs=1e-11)
-
-
-def linear_modes(system: ForcedSystem, state: tuple[float, ...]) -> NDArray[np.float64]:
-    """Eigenvalues lambda of small motions q'' = -g lambda q about an equilibrium, by complex steps."""
-    links = len(state)
-    rhs = rebind(system.rhs, {"sin": np.sin, "cos": np.cos})
-    columns = []
-    for j in range(links):
-        x = [*map(complex, state), *[0j] * links]
-        x[j] += 1e-30j
-        columns.append([v.imag / 1e-30 for v in rhs(0.0, tuple(x), system.parameters)[links:]])
-    return np.sort(np.linalg.eigvals(-np.array(columns).T / 9.8).real)
-
-
-@pytest.mark.parametrize("state", list(product((0.0, pi), repeat=3)))
-def test_small_motions_of_the_triple_pendulum(state: tuple[float, ...]) -> None:
-    """Eigenvalues of M^-1 K with M_ij = mu_max l_i l_j s_i s_j and K = diag(mu_i l_i s_i)."""
-    system = systems.triple_pendulum(0.03, 0.02, 0.05, 0.5, 0.7, 0.3, amplitude=0.0, damping=0.0)
-    length, signs = np.array([0.03, 0.02, 0.05]), np.cos(state)
-    carried = np.array([1.5, 1.0, 0.3])
-    i = np.arange(3)
-    inertia = carried[np.maximum.outer(i, i)] * np.outer(length * signs, length * signs)
-    expected = np.sort(np.linalg.eigvals(np.linalg.solve(inertia, np.diag(carried * length * signs))).real)
-    assert linear_modes(system, state) == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_light_outer_mass_leaves_the_single_pendulum() -> None:
@@ -69,15 +44,6 @@ def test_extreme_masses_keep_their_digits(ratio: float) -> None:
         rhs = rebind(system.rhs, {"sin": mpmath.sin, "cos": mpmath.cos})
         exact = rhs(mpmath.mpf(0), tuple(map(mpmath.mpf, x)), system.parameters)
         assert system.derivative(0.0, x) == pytest.approx([float(v) for v in exact], rel=1e-14)
-
-
-def test_one_link_is_the_single_pendulum() -> None:
-    one = systems.chain_pendulum((0.0272,), (0.4,))
-    initial_conditions = np.random.default_rng(3).uniform(-3.0, 3.0, (20, 2)) * [1.0, 30.0]
-    assert [c.name for c in one.axes] == ["theta1", "theta1'"]
-    assert stroboscopic_map(one)(initial_conditions) == pytest.approx(
-        stroboscopic_map(systems.driven_pendulum())(initial_conditions), rel=1e-8, abs=1e-8
-    )
 
 
 def test_energy_is_kept_by_what_keeps_it() -> None:

@@ -153,22 +153,25 @@ def test_the_right_hand_side_is_one_function_for_all_values(name: str) -> None:
     assert other.length > 0.0
 
 
+def computed(outputs: Any, time: float, state: Any, system: ForcedSystem, signs: Any = ()) -> list[float]:
+    """What a trace says, node by node."""
+    values: dict[str, Any] = {"time": lambda _: time, "state": state.__getitem__, "sign": signs.__getitem__}
+    values["parameter"] = tuple(system.params.values()).__getitem__
+    known: dict[Any, float] = {}
+    for node in in_order(outputs):
+        read = values.get(node.operation, operation_on_numbers(node.operation) if node.arguments else float)
+        known[node] = read(*(known[a] for a in node.arguments)) if node.arguments else read(node.value)
+    return [known[e] for e in outputs]
+
+
 @EVERY_SMOOTH_FLOW
 def test_plain_python_scipy_and_the_trace_agree(name: str) -> None:
     system = FACTORIES[name]()
-    names = tuple(system.params)
-    traced = traced_function(system.rhs, system.dimension, names)
+    traced = traced_function(system.rhs, system.dimension, tuple(system.params))
     assert traced is not None and traced.is_analytic
     for t, x in zip((0.0, 0.3, 0.8), random_initial_conditions(system, 3), strict=True):
-        values: dict[Any, float] = {traced.time: t * system.length}
-        values.update(zip(traced.states, map(float, x), strict=True))
-        values.update(zip(traced.parameters, system.params.values(), strict=True))
-        for node in in_order(traced.outputs):
-            if node not in values:
-                computed = operation_on_numbers(node.operation) if node.arguments else float
-                values[node] = computed(*(values[a] for a in node.arguments)) if node.arguments else node.value
         plain = system.derivative(t * system.length, tuple(map(float, x)))
-        assert [values[e] for e in traced.outputs] == pytest.approx(plain, rel=1e-14)
+        assert computed(traced.outputs, t * system.length, x.tolist(), system) == pytest.approx(plain, rel=1e-14)
         assert np.array_equal(system.fun(t * system.length, x), plain)
 
 
@@ -195,18 +198,12 @@ def test_every_side_is_smooth_and_periodic_and_is_what_its_trace_says(name: str)
     assert system.switches is not None
     traced = traced_switching((system.rhs, system.switches), system.dimension, tuple(system.params))
     assert traced is not None and traced.is_analytic
-    base = traced.free_motion
     for t, x in zip((0.0, 0.3, 0.8), random_initial_conditions(system, 3), strict=True):
         time, state = t * system.length, tuple(map(float, x))
         for signs in itertools.product((-1.0, 1.0), repeat=len(traced.surfaces)):
-            values: dict[str, Any] = {"time": lambda _, time=time: time, "state": state.__getitem__}
-            values |= {"parameter": tuple(system.params.values()).__getitem__, "sign": signs.__getitem__}
-            known: dict[Any, float] = {}
-            for node in in_order(base.outputs):
-                read = values.get(node.operation, operation_on_numbers(node.operation) if node.arguments else float)
-                known[node] = read(*(known[a] for a in node.arguments)) if node.arguments else read(node.value)
             plain = system.derivative(time, state, signs)
-            assert [known[e] for e in base.outputs] == pytest.approx(plain, rel=1e-14)
+            seen = computed(traced.free_motion.outputs, time, state, system, signs)
+            assert seen == pytest.approx(plain, rel=1e-14)
             assert system.derivative(time + system.length, state, signs) == pytest.approx(plain, rel=1e-12, abs=1e-12)
 
 

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 import systems
-from cellmap import ForcedSystem, stroboscopic_map
+from cellmap import ForcedSystem
 from cellmap._compiled.codegen.kernel import traced_function
 from cellmap._compiled.codegen.trace import STATEFUL
 
@@ -116,23 +115,6 @@ def test_a_sharp_triangle_is_smooth_beyond_its_tips() -> None:
     t = np.linspace(-0.15, 0.15, 25) + 0.25 / F  # the slope ends at 0 and at 0.5 / F = 0.167
     values = np.array([system.derivative(s, (pi / 2, 0.0), (1.0,))[1] for s in t])
     assert values == pytest.approx(70.0 * (1.0 - 4.0 * F * t), rel=1e-12, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("drive", "edges"),
-    [(systems.SquareDrive(200.0, 50.0), (0.005, 0.015)), (systems.TriangleDrive(200.0, 50.0), (0.01,))],
-)
-def test_the_map_under_a_sharp_wave(drive: systems.Effect, edges: tuple[float, ...]) -> None:
-    """Against SciPy, from edge to edge."""
-    system = systems.scene(systems.Pendulum(0.0272), systems.Gravity(9.8), drive, systems.ViscousDamping(5.0))
-    state, ic = np.array([1.0, 5.0]), 0.0
-    for end in (*edges, 0.02):
-        signs = system.signs(0.5 * (ic + end), tuple(state))
-        solution = solve_ivp(
-            lambda t, y, s=signs: system.derivative(t, tuple(y), s), (ic, end), state, "DOP853", rtol=1e-12, atol=1e-12
-        )
-        state, ic = solution.y[:, -1], end
-    assert stroboscopic_map(system)([1.0, 5.0]) == pytest.approx(state, rel=1e-7)
 
 
 def test_the_structure_of_harmonics_is_their_number() -> None:

@@ -59,13 +59,6 @@ def test_the_boundary_of_mcdonalds_map(degree: int, growth: float) -> None:
     assert np.mean(ends > 0.0) == pytest.approx(0.5, abs=0.01)
 
 
-@pytest.mark.parametrize(("k", "passes"), [(0.9, False), (2.0, True)])
-def test_circles_stop_the_momentum_below_greenes_threshold(k: float, passes: bool) -> None:
-    initial_conditions = np.stack(np.meshgrid(np.linspace(-3.0, 3.0, 9), np.linspace(-3.0, 3.0, 9)), axis=-1)
-    momenta = standard_map(k).orbit(initial_conditions, 3000).unwrapped[..., 1]
-    assert bool(np.ptp(momenta, axis=0).max() > 2.0 * pi) is passes
-
-
 def test_the_logistic_map_in_closed_form() -> None:
     """For mu = 4, x = sin^2(a) becomes sin^2(2 a)."""
     angles = np.linspace(0.1, 1.4, 20)[:, None]

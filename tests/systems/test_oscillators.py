@@ -1,20 +1,21 @@
-"""Oscillators under a harmonic force, against closed forms, published numbers and those of tests/REFERENCES.md."""
+"""Oscillators under a harmonic force or with a modulated spring, against closed forms, published numbers and tables."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import cos, cosh, pi, sin, sqrt, tanh
+from math import acos, cos, cosh, pi, sin, sqrt, tanh
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.special import ellipk
+from scipy.special import ellipk, mathieu_a, mathieu_b
 
 import systems
 from cellmap import ForcedSystem, stroboscopic_map
 from cellmap.attractors.chaos import lyapunov_exponents
 from cellmap.maps import jacobian
+from systems import hill_equation, mathieu_equation
 
 
 @pytest.mark.parametrize(
@@ -110,3 +111,32 @@ def test_the_limit_cycle_of_van_der_pol() -> None:
     settled = strobe.iterate([0.1, 0.0], 40).points
     assert np.linalg.norm(settled) > 1.5
     assert strobe(settled) == pytest.approx(settled, abs=1e-9)
+
+
+def trace(system: ForcedSystem) -> float:
+    return float(np.trace(jacobian(stroboscopic_map(system), [0.0, 0.0])))
+
+
+def test_the_equations_of_mathieu_and_hill() -> None:
+    x, v, t = 0.7, -0.4, 1.3
+    mathieu = mathieu_equation(damping=0.2, delta=0.5, epsilon=0.3)
+    assert mathieu.derivative(t, (x, v)) == pytest.approx((v, -(0.5 + 0.3 * cos(2.0 * t)) * x - 0.2 * v), rel=1e-15)
+    stiffness = 0.5 + 0.3 * cos(2.0 * t) + 0.2 * cos(4.0 * t) - 0.1 * cos(6.0 * t)
+    hill = hill_equation(damping=0.2, delta=0.5, epsilon1=0.3, epsilon2=0.2, epsilon3=-0.1)
+    assert hill.derivative(t, (x, v)) == pytest.approx((v, -stiffness * x - 0.2 * v), rel=1e-14)
+
+
+@pytest.mark.parametrize("q", [0.5, 2.0, -1.0])
+def test_the_edges_of_mathieus_tongues(q: float) -> None:
+    """On the characteristic curves a_m, b_m of SciPy's tables there is a solution of period pi or 2 pi."""
+    for order in range(4):
+        curves = [mathieu_a(order, abs(q))] + ([mathieu_b(order, abs(q))] if order else [])
+        for characteristic in curves:
+            system = mathieu_equation(damping=0.0, delta=float(characteristic), epsilon=-2.0 * q)
+            assert trace(system) == pytest.approx(2.0 * (-1.0) ** order, abs=1e-8)
+
+
+def test_the_lunar_perigee() -> None:
+    """Hill (1886) found c = 1.071583277416; cos(pi c) is half the trace."""
+    c = 2.0 - acos(0.5 * trace(hill_equation())) / pi
+    assert c == pytest.approx(1.071583277416, abs=1e-9)

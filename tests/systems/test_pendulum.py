@@ -63,14 +63,6 @@ def test_rotations() -> None:
     assert strobe.iterate(initial_conditions, 100).rotations[:, 0].tolist() == [100, -100]
 
 
-def test_the_period_4_pair_at_10_mm() -> None:
-    strobe = stroboscopic_map(driven_pendulum(amplitude=0.010), rtol=1e-12, atol=1e-12)
-    points = np.array([[0.100306867278, 0.282821064590], [0.536047919253, -0.034158641173]]) * [1.0, W]
-    for ic in (*points, *-points):
-        assert strobe.iterate(ic, 4).points / [1.0, W] == pytest.approx(ic / [1.0, W], abs=1e-9)
-        assert abs(strobe(ic)[0] - ic[0]) > 0.1
-
-
 @pytest.mark.parametrize(
     ("alpha", "beta", "gamma", "point", "period", "rotations"),
     [

@@ -12,14 +12,6 @@ import systems
 import systems.lab
 
 
-def test_a_scene_needs_one_import() -> None:
-    from systems import Chain, Gravity, Pendulum, TorqueDrive, VerticalDrive, ViscousDamping, scene
-
-    system = scene(Pendulum(1.0), Gravity(9.8), VerticalDrive(0.1, 2.0), TorqueDrive(1.0, 2.0), ViscousDamping(0.1))
-    assert system.length == 0.5
-    assert scene(Chain((1.0, 1.0), (1.0, 1.0)), Gravity(9.8), period=1.0).dimension == 4
-
-
 @pytest.mark.parametrize("package", [systems, systems.lab], ids=lambda package: package.__name__)
 def test_no_module_has_the_name_of_something_public(package: object) -> None:
     """Importing such a module would put it in the place of the function."""

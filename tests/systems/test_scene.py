@@ -16,8 +16,6 @@ from cellmap._compiled.codegen.methods import choose_method
 from cellmap._compiled.codegen.period import period_text
 from cellmap._compiled.codegen.trace import STATEFUL, TIMED, Trace
 from cellmap._compiled.machine_code import machine_code
-from systems.dimensionless import ScaledPendulum
-from systems.forces import total
 
 GRAVITY, DRIVE, DAMPING = systems.Gravity(9.8), systems.VerticalDrive(0.003, 50.0), systems.ViscousDamping(10.0)
 
@@ -135,28 +133,9 @@ def test_a_new_effect_is_one_record() -> None:
     assert system.derivative(0.0, (0.5, 1.0)) == pytest.approx((1.0, -5.0 * sin(0.5)), rel=1e-15)
 
 
-def test_sums_of_terms() -> None:
-    terms = [lambda t, p: t, lambda t, p: 10.0 * p, lambda t, p: 100.0]
-    assert total(terms)(1.0, 2.0) == 121.0
-    assert total(terms[:1]) is terms[0]
-
-
 def test_parts_are_records() -> None:
     assert systems.VerticalDrive(0.003, 50) == systems.VerticalDrive(0.003, 50.0, 0.0)
     assert [f.name for f in fields(systems.VerticalDrive)] == list(DRIVE.parameters)
     with pytest.raises(FrozenInstanceError):
         DRIVE.amplitude = 1.0  # type: ignore[misc]
     assert repr(DAMPING) == "ViscousDamping(damping=10.0)"
-
-
-def test_a_period_of_ones_own_choice() -> None:
-    twice = systems.scene(systems.Pendulum(0.0272), GRAVITY, DRIVE, DAMPING, period=0.04)
-    once = systems.driven_pendulum()
-    assert stroboscopic_map(twice)([1.0, 5.0]) == pytest.approx(
-        stroboscopic_map(once).iterate([1.0, 5.0], 2).points, abs=1e-7
-    )
-
-
-def test_scaled_parts_have_no_dimension() -> None:
-    assert ScaledPendulum().parameters == {}
-    assert not any(c.unit for c in ScaledPendulum().coordinates[1:])

@@ -52,14 +52,6 @@ def test_each_joint_has_its_own_number(effect: systems.Effect, torques: tuple[fl
     assert system.derivative(0.0, STATE)[2:] == pytest.approx(two_links(torques, STATE), rel=1e-13)
 
 
-def test_all_kinds_of_friction_with_their_own_numbers() -> None:
-    """The report's torque of joint i, t_i = c_i r_i + d_i sign(r_i)."""
-    system = systems.double_pendulum(0.11, 0.07, 0.3, 0.5, amplitude=0.0, damping=(5.0, 2.0), friction=(1.5, 4.0))
-    torques = (-5.0 * R1 - 1.5, -2.0 * R2 + 4.0)
-    assert system.derivative(0.0, STATE)[2:] == pytest.approx(two_links(torques, STATE), rel=1e-13)
-    assert {"damping_1": 5.0, "damping_2": 2.0, "friction_1": 1.5, "friction_2": 4.0}.items() <= system.params.items()
-
-
 def test_equal_numbers_are_one_number() -> None:
     one, each = (
         systems.scene(CHAIN, GRAVITY, systems.ViscousDamping(c), systems.DryFriction(d), period=1.0)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import systems
-from cellmap import stroboscopic_map
 from systems.units import parameter_units
 
 W = 100.0 * pi
@@ -105,16 +104,6 @@ def test_the_names_of_the_dimensionless_numbers() -> None:
         here.fun(0.7 / W, np.array([0.4, 0.2 * W])) / [W, W**2], rel=1e-12
     )
     assert "delta" not in systems.dimensionless_parameters(0.0272, 0.003, 50.0, 10.0)
-
-
-def test_orbits_are_the_same_in_both_units() -> None:
-    parts = (systems.Gravity(9.8), systems.VerticalDrive(0.006, 50.0), systems.ViscousDamping(10.0))
-    scaled = systems.scene(systems.Chain((0.032, 0.032), (1.0, 0.25)), *parts, units=systems.drive_units(0.032, 50.0))
-    assert scaled.length == pytest.approx(2.0 * pi, rel=1e-15)
-    scale = np.array([1.0, 1.0, W, W])
-    initial_conditions = np.random.default_rng(1).uniform(-1.0, 1.0, (10, 4)) * [pi, pi, 0.3, 0.3]
-    here = stroboscopic_map(systems.double_pendulum(), rtol=1e-11, atol=1e-11)(initial_conditions * scale) / scale
-    assert stroboscopic_map(scaled, rtol=1e-11, atol=1e-11)(initial_conditions) == pytest.approx(here, abs=1e-8)
 
 
 def test_the_axes_of_the_stability_map() -> None:

@@ -11,9 +11,6 @@ from recorded_drives import SINE, TIMES, deviations
 
 from systems import Gravity, HorizontalDrive, TorqueDrive, VerticalDrive, driven_pendulum
 from systems.lab import record_acceleration, recover_drive
-from systems.lab.shaker.harmonic_fit import Record
-
-# --- difficult records
 
 
 def test_a_gap_and_a_late_clock() -> None:
@@ -84,27 +81,6 @@ def test_an_alias_is_taken_for_what_it_looks_like() -> None:
     assert recover_drive(times, record).frequency == pytest.approx(10.0, abs=1e-3)
     with pytest.raises(ValueError, match=r"frequency=90.0: .* below the limit of Nyquist, 50 Hz; sample faster"):
         recover_drive(times, record, frequency=90.0)
-
-
-@pytest.mark.thorough
-def test_a_million_samples(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Some dozens of passes with some terms each, as for a thousand samples: 230 numbers a sample."""
-    computed, original = 0, Record._rows
-
-    def rows(*arguments: Any) -> Any:
-        nonlocal computed
-        for part, terms in original(*arguments):
-            computed += terms.size
-            yield part, terms
-
-    monkeypatch.setattr(Record, "_rows", rows)
-    times = np.arange(1_000_000) / 20_000.0
-    found = recover_drive(times, record_acceleration(SINE, times, 30.0, offset=9.8))
-    assert np.abs(deviations(SINE, found)).max() < 4.0
-    assert computed < 300 * times.size
-
-
-# --- what is refused
 
 
 @pytest.mark.parametrize(

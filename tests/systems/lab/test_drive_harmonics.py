@@ -10,8 +10,6 @@ from recorded_drives import SHORT, TIMES, TWO, deviations
 
 from systems import Gravity, HarmonicDrive, Pendulum, TriangleDrive, VerticalDrive, driven_pendulum, lab, scene
 
-# --- harmonics
-
 
 def test_triangles_have_their_harmonics() -> None:
     """Of odd order, 8 a/(pi k)^2 each."""
@@ -45,9 +43,6 @@ def test_hum_near_a_harmonic_is_not_followed() -> None:
     hum = 150.0 * np.cos(2.0 * pi * 50.0 * TIMES)
     found = lab.recover_drive(TIMES, lab.record_acceleration(drive, TIMES, noise=1.0) + hum, frequency=24.3)
     assert np.abs(deviations(drive, found)).max() < 3.0
-
-
-# --- peak to peak
 
 
 @pytest.mark.thorough

@@ -1,4 +1,4 @@
-"""Drives from records of an accelerometer: exact ones, and faults."""
+"""Drives from records of an accelerometer: exact ones, faults, and standard errors over seeds of the noise."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from math import pi
 
 import numpy as np
 import pytest
-from recorded_drives import SHORT, SINE, TIMES, TWO, Array, wrapped
+from recorded_drives import SHORT, SINE, TIMES, TWO, Array, deviations, wrapped
 from scipy.optimize import least_squares
 
 from systems import Effect, Pendulum, RotatingDrive, SquareDrive, TiltedDrive, TriangleDrive, VerticalDrive, scene
 from systems.lab import pivot_acceleration, record_acceleration, recover_drive
-
-# --- records
 
 
 @pytest.mark.parametrize(
@@ -53,9 +51,6 @@ def test_faults_of_a_record() -> None:
     assert np.abs(record_acceleration(SINE, TIMES, full_scale=200.0)).max() == 200.0
     lost = np.isnan(record_acceleration(SINE, TIMES, missing=0.3, rng=2)).mean()
     assert lost == pytest.approx(0.3, abs=0.04)  # 0.01 of standard error
-
-
-# --- exact records
 
 
 @pytest.mark.parametrize("drive", [SINE, TWO, VerticalDrive(0.003, 50.0, pi), VerticalDrive(1e-9, 2.5, -pi + 1e-9)])
@@ -105,3 +100,60 @@ def test_the_least_squares_are_those_of_scipy() -> None:
     assert found.phase_errors == pytest.approx(errors[3:5], rel=4e-3)
     assert (found.mean_error, found.drift_error) == pytest.approx(errors[5:7], rel=4e-3)
     assert found.noise == pytest.approx(10.0, rel=0.1)
+
+
+def uneven(seed: int) -> tuple[Array, Array]:
+    times = np.sort(np.random.default_rng(seed).uniform(0.0, 0.5, 500))
+    return times, record_acceleration(SINE, times, 30.0, rng=seed)
+
+
+RECORDS: dict[str, tuple[Effect, Callable[[int], tuple[Array, Array]]]] = {
+    "white": (SINE, lambda s: (SHORT, record_acceleration(SINE, SHORT, 30.0, offset=9.8, rng=s))),
+    "two harmonics": (TWO, lambda s: (SHORT, record_acceleration(TWO, SHORT, 10.0, rng=s))),
+    "coloured": (SINE, lambda s: (SHORT, record_acceleration(SINE, SHORT, 30.0, 0.005, rng=s))),
+    "uneven": (SINE, uneven),
+    "lost": (SINE, lambda s: (SHORT, record_acceleration(SINE, SHORT, 30.0, missing=0.5, rng=s))),
+    "8 bits": (SINE, lambda s: (SHORT, record_acceleration(SINE, SHORT, 2.0, full_scale=400.0, bits=8, rng=s))),
+    "saturated": (SINE, lambda s: (SHORT, record_acceleration(SINE, SHORT, 10.0, full_scale=200.0, rng=s))),
+}
+
+
+FEW = ("white", *(pytest.param(n, marks=pytest.mark.thorough) for n in RECORDS if n != "white"))
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_error_bars_cover_the_truth(name: str) -> None:
+    """95 % within 1.96; of 60 seeds times parameters a fraction of 88 % and less has a chance below 0.001."""
+    drive, make = RECORDS[name]
+    found = [recover_drive(*make(seed)) for seed in range(60)]
+    right = [f for f in found if len(f.amplitudes) == (2 if drive is TWO else 1)]
+    assert len(right) >= 56
+    fraction = np.mean([np.abs(deviations(drive, f)) < 1.96 for f in right])
+    assert 0.88 <= fraction <= 0.995
+    if name == "saturated":
+        assert all(f.clipped > 150 for f in found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RECORDS)
+def test_error_bars_cover_95_percent(name: str) -> None:
+    drive, make = RECORDS[name]
+    found = [recover_drive(*make(seed)) for seed in range(600)]
+    right = [f for f in found if len(f.amplitudes) == (2 if drive is TWO else 1)]
+    assert len(right) >= 570
+    fractions = np.mean([np.abs(deviations(drive, f)) < 1.96 for f in right], axis=0)
+    assert ((fractions > 0.92) & (fractions < 0.98)).all()
+
+
+@pytest.mark.thorough
+def test_noise_is_no_drive() -> None:
+    """A chance of 0.001 each: two and more of 60 have one of 0.002."""
+    found = 0
+    for seed in range(60):
+        memory = 0.02 * (seed % 2)
+        try:
+            recover_drive(SHORT, record_acceleration(VerticalDrive(1e-15, 50.0), SHORT, 1.0, memory, rng=seed))
+            found += 1
+        except ValueError as error:
+            assert "no drive found" in str(error)
+    assert found <= 1

@@ -11,16 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from cellmap import ForcedSystem, trajectory
-from systems import (
-    Chain,
-    Gravity,
-    VerticalDrive,
-    ViscousDamping,
-    double_pendulum,
-    driven_pendulum,
-    lab,
-    scene,
-)
+from systems import Chain, Gravity, VerticalDrive, ViscousDamping, double_pendulum, driven_pendulum, lab, scene
 from systems.lab.free_swings.simulation import Simulation, clear_of_noise
 
 TRUE = {"length": 0.069, "damping": 0.4}
@@ -263,10 +254,6 @@ def test_guesses_take_the_place_of_extremes(film: tuple[NDArray[np.float64], NDA
     assert fits.profile is None
     for name, value in TRUE.items():
         assert fits.best.estimates[name] == pytest.approx(value, abs=4.0 * fits.best.standard_errors[name])
-    with pytest.raises(ValueError, match=r"guess\['damping'\]=0: give a number above 0"):
-        lab.fit_damping(t, x, ["viscous"], length=0.069, guess={"damping": 0})
-    with pytest.raises(ValueError, match="guess has 'length': what is fitted is damping"):
-        lab.fit_damping(t, x, ["viscous"], length=0.069, guess={"length": 0.07})
 
 
 def test_all_fits_of_the_laboratory_name_what_is_undetermined() -> None:

@@ -33,9 +33,6 @@ def limits(frequencies: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([next(c.value for c in each if c.gains) for each in found])
 
 
-# --- files and volts
-
-
 @pytest.mark.parametrize("errors", [None, np.array([5e-5, 1 / 3e5, 1e-7])])
 def test_points_come_back_from_a_file(tmp_path: Path, errors: Any) -> None:
     written = lab.StabilityPoints(np.array([15.0, 35.0, 20.123456]), np.array([8.25e-3, 1 / 300, 6e-3]), errors)
@@ -90,9 +87,6 @@ def test_points_from_volts_are_those_of_the_report() -> None:
     assert lab.stability_points_from_volts([15.0], [1.5]).amplitude_errors is None
 
 
-# --- comparison
-
-
 def test_a_power_law_is_met_between_its_nodes() -> None:
     """A curve in proportion to 1/f, which is exact from node to node."""
     found = lab.compare_with_boundary(POINTS, [40.0, 20.0, 10.0], np.array([3.0, 6.0, 12.0]) * 1e-3)
@@ -119,9 +113,6 @@ def test_points_without_a_curve_are_left_out() -> None:
         lab.StabilityPoints(POINTS.frequencies, POINTS.amplitudes), [10.0, 40.0], [0.012, 0.003]
     )
     assert np.isnan(bare.chi_square) and np.isfinite(bare.rms)
-
-
-# --- the experiment
 
 
 @pytest.mark.thorough
@@ -152,9 +143,6 @@ def test_releases_stay_or_fall() -> None:
     assert held.tolist() == [False, True]
     # From a wider angle more is needed: cos(0.5)^-0.5 is 1.067 by averaging.
     assert stays_up(strobe, np.array([1.05, 1.1]) * limit, 25.0, 400, release=0.5).tolist() == [False, True]
-
-
-# --- what is refused
 
 
 @pytest.mark.parametrize(
