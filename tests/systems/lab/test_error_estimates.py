@@ -44,8 +44,7 @@ def ratio(found: Any, truth: Any) -> Any:
     return np.sqrt(np.nanmean(((found.positions[:, 0] - truth) / found.errors[:, 0]) ** 2, axis=0))
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("blur", [0.2, 0.4, 0.6])
+@pytest.mark.parametrize("blur", [0.4, *(pytest.param(b, marks=pytest.mark.thorough) for b in (0.2, 0.6))])
 def test_a_sharp_disc_that_hardly_moves(blur: float) -> None:
     """Over a tenth of a pixel in ten frames its error does not scatter; the width of its edge tells of it."""
     truth = np.array([80.3, 80.2]) + np.arange(200)[:, None] * np.array([0.013, 0.0087])
