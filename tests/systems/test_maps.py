@@ -59,13 +59,6 @@ def test_the_boundary_of_mcdonalds_map(degree: int, growth: float) -> None:
     assert np.mean(ends > 0.0) == pytest.approx(0.5, abs=0.01)
 
 
-def test_the_logistic_map_in_closed_form() -> None:
-    """For mu = 4, x = sin^2(a) becomes sin^2(2 a)."""
-    angles = np.linspace(0.1, 1.4, 20)[:, None]
-    image = logistic_map().iterate(np.sin(angles) ** 2, 10).points
-    assert image == pytest.approx(np.sin(1024.0 * angles) ** 2, abs=1e-11)
-
-
 def test_the_exponent_and_the_density_of_the_logistic_map() -> None:
     """For mu = 4, ln 2 and 1/(pi sqrt(x (1 - x))), from initial conditions that have this density."""
     point_map = logistic_map()

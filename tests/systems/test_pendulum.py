@@ -32,12 +32,6 @@ def test_the_map_of_one_period() -> None:
     assert strobe([1.0, 0.1 * W]) / [1.0, W] == pytest.approx(expected, rel=1e-12)
 
 
-def test_the_same_in_dimensionless_form() -> None:
-    scaled = dimensionless_pendulum(**dimensionless_parameters(0.0272, 0.003, 50.0, 10.0))
-    strobe = stroboscopic_map(scaled, rtol=1e-12, atol=1e-12)
-    assert strobe([1.0, 0.1]) == pytest.approx((1.4219856563553754, 0.052018392069488984), rel=1e-12)
-
-
 @pytest.mark.parametrize(
     ("amplitude", "beta"), [(0.002, 0.0735294), (0.003, 0.1102941), (0.004, 0.1470588), (0.010, 0.3676471)]
 )

@@ -257,7 +257,11 @@ write_film(FILM, "no/such/folder")                  | make it first
 write_film(FILM, ".")                               | is there already
 """
 
-KINDS = (ValueError, VALUES), (TypeError, TYPES), (OSError, FILES)
+KEYS = r"""
+compare_decays(envelope, kinds=["dry"])["viscous"]  | the kinds that were compared are dry
+"""
+
+KINDS = (ValueError, VALUES), (TypeError, TYPES), (OSError, FILES), (KeyError, KEYS)
 ROWS = [(error, row) for error, rows in KINDS for row in rows.split("\n")[1:-1]]
 
 

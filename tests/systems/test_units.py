@@ -103,6 +103,8 @@ def test_the_names_of_the_dimensionless_numbers() -> None:
     assert there.fun(0.7, np.array([0.4, 0.2])) == pytest.approx(
         here.fun(0.7 / W, np.array([0.4, 0.2 * W])) / [W, W**2], rel=1e-12
     )
+    places = here.output("positions", 0.7 / W, (0.4, 0.2 * W)) / 0.0272
+    assert there.output("positions", 0.7, (0.4, 0.2)) == pytest.approx(places, rel=1e-12)
     assert "delta" not in systems.dimensionless_parameters(0.0272, 0.003, 50.0, 10.0)
 
 

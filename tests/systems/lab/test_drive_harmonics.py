@@ -45,7 +45,6 @@ def test_hum_near_a_harmonic_is_not_followed() -> None:
     assert np.abs(deviations(drive, found)).max() < 3.0
 
 
-@pytest.mark.thorough
 def test_peak_to_peak_of_harmonics() -> None:
     found = lab.recover_drive(TIMES, lab.record_acceleration(TWO, TIMES, noise=3.0))
     fine = np.linspace(0.0, 1.0 / 23.37, 200_001)

@@ -145,7 +145,6 @@ def test_error_bars_cover_95_percent(name: str) -> None:
     assert ((fractions > 0.92) & (fractions < 0.98)).all()
 
 
-@pytest.mark.thorough
 def test_noise_is_no_drive() -> None:
     """A chance of 0.001 each: two and more of 60 have one of 0.002."""
     found = 0

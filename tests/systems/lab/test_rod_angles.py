@@ -147,6 +147,11 @@ def test_what_has_no_angles(pivots: Any, options: Any, error: str) -> None:
         joint_angles(tracks_of(TIMES, TIMES), pivots, **options)
 
 
+def test_a_marker_that_is_never_known() -> None:
+    with pytest.raises(ValueError, match="are known in 1 frames; 2 are needed"):
+        joint_angles(tracks_of(TIMES, TIMES, hidden=range(199)), [PIVOT])
+
+
 def arc(span: float, noise: float, seed: int, count: int = 200) -> Any:
     rng = np.random.default_rng(seed)
     angle = rng.uniform(0.7, 0.7 + span, count)

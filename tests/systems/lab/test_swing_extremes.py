@@ -73,6 +73,12 @@ def test_gaps_hide_extremes_and_are_counted(begin: float, length: float) -> None
     assert len(whole.times) - len(found.times) <= 2 + length * FREQUENCY / pi
 
 
+def test_coarse_steps_make_no_monstrous_extremes() -> None:
+    """Angles rounded to a third of the amplitude: caps are flat, and no extreme may leave the range of the samples."""
+    found = swing_envelope(TIMES, np.round(damped() / 0.1) * 0.1)
+    assert found.amplitudes.min() > 0.0 and found.amplitudes.max() < 0.35
+
+
 def test_negative_correlation_narrows_no_error() -> None:
     alternating = np.array([1.0, -1.0, 1.0, -1.0, 1.0])
     assert neighbour_correlation(alternating) == pytest.approx(-1.0)

@@ -77,8 +77,7 @@ def test_a_long_absence() -> None:
     assert repr(found) == f"Tracks(145 frames, 1 markers seen whole in {(found.status == SEEN).sum()} of them)"
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("stays", [True, False])
+@pytest.mark.parametrize("stays", [True, pytest.param(False, marks=pytest.mark.thorough)])
 def test_what_is_found_again_and_stands_is_no_marker(stays: bool) -> None:
     """A disc put on the circle of the rod while the marker is hidden: for good, or until after that comes back."""
     motion = rotating_rods((0.055,), (0.5,), (9.0,))
