@@ -74,6 +74,7 @@ def test_the_attracting_circle_of_the_delayed_logistic_map():
     assert (circles.exponents < 0.0).all()
 
 
+@pytest.mark.thorough
 def test_circles_of_a_doubled_orbit():
     """Two curves that the map exchanges, around (1, 0, 1) and (-1, 0, -1)."""
 

@@ -87,6 +87,7 @@ def test_folds_with_a_further_multiplier():
     assert found.ends == BOTH_LEFT
 
 
+@pytest.mark.thorough
 def test_folds_with_a_pair_end_where_it_meets():
     exact = discrete_map(
         lambda x, p: (x[0] + p.a + p.c * x[0] - x[0] ** 3 + x[1] ** 2, *pair(x, p)),

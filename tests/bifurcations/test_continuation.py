@@ -68,7 +68,8 @@ def test_doublings_that_are_close_together_change_the_stability(half):
     np.testing.assert_allclose([b.value - 0.3037 for b in found], [-half, half], rtol=1e-6)
 
 
-@pytest.mark.parametrize("radius", [1e-3, thorough(1e-2)])
+@pytest.mark.thorough
+@pytest.mark.parametrize("radius", [1e-3, 1e-2])
 def test_a_small_isola_in_a_wide_interval_is_closed(radius):
     """The circle x^2 + q^2 = radius^2, in the natural size of x an ellipse with ends as sharp as radius^2."""
     ring = discrete_map(

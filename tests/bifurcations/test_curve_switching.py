@@ -5,7 +5,7 @@ from math import cos, sin
 import numpy as np
 import pytest
 from branch_kinds import DOUBLING, FOLD, NEIMARK_SACKER, POINT
-from cases import curve_of, delayed_logistic, only, thorough
+from cases import curve_of, delayed_logistic, only
 from scipy.optimize import root
 
 from cellmap import discrete_map
@@ -92,6 +92,7 @@ def test_folds_of_the_delayed_logistic_map_end_in_the_window_of_the_logistic_map
     assert window == pytest.approx(root(fold, [0.5, 3.96], tol=1e-14).x[1], abs=1e-8)
 
 
+@pytest.mark.thorough
 def test_the_doubled_orbit_of_a_flip_and_a_neimark_sacker_bifurcation():
     # Doubled orbits have u^2 = q + u-independent terms of the plane: its multiplier is 1 + p + 0.5 q there.
     def image(x, p):
@@ -112,9 +113,8 @@ def test_the_doubled_orbit_of_a_flip_and_a_neimark_sacker_bifurcation():
     assert found.ends == ("flip-Neimark-Sacker", "left the intervals")
 
 
-@pytest.mark.parametrize(
-    ("e", "step"), [thorough(8e-4, 0.05), thorough(8e-4, 0.2), thorough(8e-4, 1.0), thorough(-1e-2, 0.2), (0.1, 1.0)]
-)
+@pytest.mark.thorough
+@pytest.mark.parametrize(("e", "step"), [(8e-4, 0.05), (8e-4, 0.2), (8e-4, 1.0), (-1e-2, 0.2), (0.1, 1.0)])
 def test_folds_of_doubled_orbits_begin_where_these_are_born_whatever_the_step(e, step):
     """x -> -x maps -(1 + q) x + s x^3 + e x^5 to itself: orbits of period 2 have q = s w + e w^2 with w = x^2."""
     flip = discrete_map(

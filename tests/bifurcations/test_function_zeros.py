@@ -204,6 +204,7 @@ def test_functions_that_are_zero_on_a_stretch_are_said_so_once(parabola):
     np.testing.assert_allclose([z.point[0] for z in found], [-0.5, 0.2], rtol=0, atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_angles_are_continuous_along_a_branch_and_zero_up_to_full_rotations():
     # The pendulum stands upright: theta - c does not depend on c, and has the mean pi.
     pendulum = ForcedSystem(

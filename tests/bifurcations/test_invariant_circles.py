@@ -116,6 +116,7 @@ def test_the_circle_of_the_delayed_logistic_map():
     assert branch.decay[4] < 0.5 * branch.decay[2]
 
 
+@pytest.mark.thorough
 def test_a_narrow_tongue_is_found_from_orbits_that_have_not_settled():
     axes = (1 / 3 - 0.05, 1 / 3 + 0.05), (0.2, 0.9)
     tongue = arnold_tongue(circle_map(0.3), 1, 3, ("omega", "k"), *axes, [0.1], transient=50, periods=500, step=0.1)

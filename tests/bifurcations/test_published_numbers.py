@@ -7,7 +7,7 @@ import pytest
 from branch_kinds import DOUBLING, NEIMARK_SACKER
 from cases import branch_of
 
-from cellmap import ForcedSystem, discrete_map, periodic_orbit, section_map
+from cellmap import ForcedSystem, discrete_map, periodic_orbit
 from cellmap.bifurcations import critical_values, period_doubling_cascade
 from cellmap.maps import flow_map
 
@@ -39,22 +39,6 @@ def test_period_doublings_of_the_quadratic_map():
     found = [b.value for b in route.bifurcations if b.kind is DOUBLING]
     for value, (printed, digits) in zip(found, QUADRATIC, strict=False):
         assert round(value, digits) == printed
-
-
-# Veltz, BifurcationKit.jl (2026), test/periodic_orbits_function_sh4_and_collocation/testLure.jl: an adaptive control
-# system of Lur'e type, also an example of MatCont, by collocation; the period doubling to 1e-4.
-
-
-@pytest.mark.thorough
-def test_the_period_doubling_of_the_lure_system():
-    def lure(t, x, p):
-        return x[1], x[2], -p.alpha * x[2] - x[1] - x[0] + x[0] ** 2
-
-    system = ForcedSystem(lure, {"alpha": 0.66}, 6.0, ("x", "y", "z"))
-    exact = section_map(system, ("y", 0.0, -1), rtol=1e-11, atol=1e-11)
-    branch = branch_of(exact, exact.iterate([0.3, -0.3], 60).points, "alpha", 0.62, 0.67, step=0.2)
-    (doubling,) = branch.of_kind(DOUBLING)
-    assert doubling.value == pytest.approx(0.63031334, rel=1e-4)
 
 
 # Mathieu's equation y'' + (a - 2 q cos 2t) y = 0 changes its stability at a_r(q) and b_r(q).  Abramowitz and Stegun,
