@@ -80,6 +80,8 @@ def test_every_label_of_a_fractal_image_is_that_of_direct_integration(fractal):
     assert "recomputed" in repr(certificate)
     with pytest.raises(ValueError, match="not an interpolated map"):
         certify(direct)
+    with pytest.raises(ValueError, match=r"max_cost=0\.9: give a number from 1 on"):
+        certify(basins, max_cost=0.9)
 
 
 @pytest.mark.parametrize(

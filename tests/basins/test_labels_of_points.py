@@ -181,7 +181,9 @@ def test_a_rule_takes_the_place_of_attractors():
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
+        ({"source": 3}, TypeError, "source=3"),
         ({"region": None}, TypeError, "region=None"),
+        ({"outcome": 3}, TypeError, "outcome=3"),
         ({"region": CellGrid((0.0, 0.0), (1.0, 1.0), (1, 1))}, ValueError, "is one cell"),
     ],
 )
