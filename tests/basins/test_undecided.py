@@ -103,9 +103,8 @@ def duffing(t, x, p):
 SEVENFOLD = {"a": 0.5, "b": 0.8558269832960217, "d": 0.19161137246192342, "g": 0.10391845296070396}
 
 
-@pytest.mark.parametrize(
-    "max_periods", [pytest.param(600, marks=pytest.mark.thorough), pytest.param(2000, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("max_periods", [600, 2000])
 def test_two_wells_with_long_transients(max_periods, sweeps) -> None:
     """Two attractors of seven bands each; along both the largest exponent is 0.083 (2,000 periods, six orbits)."""
     w = 0.7992158982633143
