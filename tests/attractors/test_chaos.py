@@ -214,6 +214,7 @@ def test_cycle_inside_of_chaos_is_seen_by_the_surrogate():
     assert x == pytest.approx(0.5, abs=1e-9)
     assert only(CYCLE_OF_20, 64) is not None  # 32 orbits, followed for 1,000 periods, do not come to it
     assert only(CYCLE_OF_20, 2000) is None
+    assert only(1.02, 2000) is None  # orbits leave
 
 
 def test_attractor_is_the_one_that_long_orbits_show():

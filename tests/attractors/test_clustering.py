@@ -95,6 +95,7 @@ class Halves:
 def test_blobs_are_groups_and_the_largest_is_the_first():
     found = grouped(BLOBS, None, 0.02, 10)
     assert found.count == 3
+    assert found.nearest(np.array([[4.8, 0.1], [0.1, 4.9], [0.1, 0.1]])).tolist() == [1, 2, 0]
     assert np.array_equal(found.labels, OWNERS)
     again = grouped(BLOBS[::-1].copy(), None, 0.02, 10)
     assert np.array_equal(again.labels[::-1], OWNERS)

@@ -17,7 +17,7 @@ from cellmap.attractors.examined import Examined
 from cellmap.attractors.transients import Reason
 from cellmap.maps.orbit_batch import Orbits
 from cellmap.orbits import Kind
-from cellmap.orbits.newton import newton, stable_orbit
+from cellmap.orbits.newton import newton
 
 W = 2 * pi * 50  # the drive of the report's pendulum, rad/s
 
@@ -228,13 +228,6 @@ def test_newton_gives_up_where_there_is_nothing():
     rising = discrete_map(lambda x, p: (x[0] + 1.0 + x[0] ** 2,), {}, ("x",))
     assert not newton(rising, np.array([[0.3], [-2.0]]), np.ones(2, int), np.ones(1))[1].any()
     assert not newton(circle(0.5, 0.0), CIRCLE, np.full(30, 2), np.full(1, 2 * pi))[1].any()
-
-
-@pytest.mark.parametrize("multiple", [1, 2, 3])
-def test_least_period_is_taken(multiple):
-    a = stable_orbit(logistic(3.2), np.array([(4.2 - sqrt(0.84)) / 6.4]), 2 * multiple, np.ones(1))
-    assert a is not None
-    assert a.period == 2
 
 
 # --- orbits followed on beyond the periods that they have lasted

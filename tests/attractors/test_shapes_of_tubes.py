@@ -12,7 +12,7 @@ from cellmap import angle, discrete_map, find_attractors
 from cellmap._compiled.kernels.capture import Regions, sifted
 from cellmap.attractors.continua import Segment
 from cellmap.attractors.settling import Catalogue
-from cellmap.attractors.sieves import sieve_of
+from cellmap.attractors.sieves import MANY, sieve_of
 from cellmap.attractors.tube import Curves, Tube, cover_of_tube
 from cellmap.maps.coordinates import shortest
 from cellmap.orbits.attractor import Neighbourhood
@@ -137,6 +137,6 @@ def test_the_first_ellipsoid_that_holds_a_point(turn, number, width):
     points[:1500] = regions.centres[near] + step * (factor / size)[:, None]
     found = np.empty(len(points), np.int64)
     sieve = sieve_of(regions, around)
-    assert sieve.bits.shape[2]
+    assert sieve.bits.shape[2] and not sieve_of(regions_of(MANY - 1, around, width, seed=0), around).bits.shape[2]
     sifted(points, 0, len(points), regions, sieve, around, found)
     assert np.array_equal(found, owners_by_hand(points, regions, around))

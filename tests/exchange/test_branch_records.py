@@ -19,7 +19,7 @@ from cellmap.bifurcations import (
     continue_bifurcation,
     switch_branch,
 )
-from cellmap.exchange import from_xarray, save_auto, to_xarray
+from cellmap.exchange import from_xarray, save_auto, to_dataframe, to_xarray
 from cellmap.maps import Impact
 from systems import henon_map
 
@@ -113,8 +113,7 @@ def test_restarts_at_points_of_branches_and_curves(branch: Branch) -> None:
     assert (a, b) == tuple(curve.values[4])
     along = continue_orbit(exact.with_params(**orbit.params), orbit, "b", b - 0.1, b + 0.1, step=0.05)
     assert [k.value for k in along.of_kind(BifurcationKind.PERIOD_DOUBLING)] == pytest.approx([b], abs=1e-9)
-    first = branch.orbit(0)
-    np.testing.assert_array_equal(first.points[0], branch.points[0])
+    np.testing.assert_array_equal(branch.orbit(0).points[0], branch.points[0])
 
 
 def test_what_cannot_be_made_again_says_so(branch: Branch) -> None:
@@ -257,5 +256,6 @@ def test_the_same_as_labelled_arrays(branch: Branch, curve: BifurcationCurve, tm
     labelled = curve.to_xarray()
     np.testing.assert_array_equal(np.column_stack([labelled["a"], labelled["b"]]), curve.values)
     assert labelled.attrs["ends"] == ", ".join(curve.ends)
+    np.testing.assert_allclose(to_dataframe(curve)["largest_multiplier"], 1.0, rtol=1e-9)
     with pytest.raises(TypeError, match="give a Branch"):
         save_auto([], tmp_path / "b.nothing")
