@@ -1,4 +1,4 @@
-"""Maps with known attractors."""
+"""Maps with known attractors, and points in the neighbourhoods of attractors."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from math import pi, sin
 
 import numpy as np
 
-from cellmap import CellGrid, PointMap, angle, discrete_map
+from cellmap import Attractor, CellGrid, PointMap, angle, discrete_map
+from cellmap.maps.coordinates import difference
 
 
 def logistic(r: float) -> PointMap:
@@ -32,3 +33,21 @@ def grid_of(lower, upper, n=20) -> np.ndarray:
 
 CIRCLE = np.linspace(-pi, pi, 30, endpoint=False)[:, None] + 0.01
 LINE = np.linspace(0.03, 0.97, 30)[:, None]
+
+
+def points_inside(a: Attractor, number: int, seed: int = 0) -> np.ndarray:
+    """Random points of every ellipsoid, shape (period, number, dimension), half of them close to its surface."""
+    n = a.neighbourhood
+    rng = np.random.default_rng(seed)
+    d = n.centres.shape[1]
+    directions = rng.standard_normal((len(n.centres), number, d))
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    radius = np.where(np.arange(number) % 2, 1.0 - 1e-9, rng.uniform(0, 1, number) ** (1 / d))
+    roots = np.linalg.cholesky(np.linalg.inv(n.metrics))
+    return n.centres[:, None] + np.einsum("qij,qnj->qni", roots, radius[:, None] * directions)
+
+
+def distance(a: Attractor, points: np.ndarray) -> np.ndarray:
+    """Distance to the centre of each point's own ellipsoid, in its metric; points (period, number, dimension)."""
+    shift = difference(points, a.neighbourhood.centres[:, None], a.coordinates)
+    return np.sqrt(np.einsum("qni,qij,qnj->qn", shift, a.neighbourhood.metrics, shift))

@@ -6,10 +6,13 @@ from math import pi, tanh
 
 import numpy as np
 import pytest
+from small_maps import distance, points_inside
 
 import systems
 from cellmap import CellGrid, PointMap, discrete_map, find_attractors, find_basins, stroboscopic_map
 from cellmap.attractors import continue_attractors
+from cellmap.attractors.continued import orbits_followed
+from cellmap.attractors.trapping import still_trapping
 from cellmap.orbits import Kind
 
 WIDE = CellGrid((-pi, -300.0), (pi, 300.0), (20, 20)).centres()
@@ -41,7 +44,19 @@ def test_attractors_are_those_of_a_search(make, initial_conditions, before, afte
     assert [(a.kind, a.period, a.rotations) for a in followed] == [(a.kind, a.period, a.rotations) for a in searched]
     for one, other in zip(followed, searched, strict=True):
         assert np.abs(one.points - other.points).max() <= 1e-10 * np.abs(initial_conditions).max()
-        assert one.neighbourhood is not None
+        sizes = [np.linalg.det(a.neighbourhood.metrics[0]) ** (-0.5 / len(a.coordinates)) for a in (one, other)]
+        assert sizes[0] > 0.7 * sizes[1]
+        inside = points_inside(one, 200)
+        moved = distance(one, make(after).iterate(inside, one.period).points)
+        assert (moved <= one.neighbourhood.contraction * distance(one, inside) + 1e-9).all()
+
+
+def test_regions_are_moved_with_their_attractors_without_a_search_for_others() -> None:
+    grid, extent = CellGrid((-pi, -500.0), (pi, 500.0), (6, 6)), np.array([2 * pi, 1000.0])
+    followed = orbits_followed(pendulum(0.0031), find_attractors(pendulum(0.003), grid.centres()), extent)
+    assert len(followed) == 4
+    for orbit in followed.values():
+        assert still_trapping(pendulum(0.0031), orbit, extent, orbit.neighbourhood) is not None
 
 
 def test_labels_are_those_of_attractors_that_were_searched() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import systems
-from cellmap import CellGrid, ForcedSystem, Label, discrete_map, find_attractors, find_basins, stroboscopic_map
+from cellmap import CellGrid, ForcedSystem, Label, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
 from cellmap.attractors.continua import closed_orbits, continua
 from cellmap.orbits import Kind
 
@@ -50,6 +50,14 @@ def test_every_end_is_where_its_label_says(stuck) -> None:
     before, after = (np.abs(p[:, 0]) for p in (creeping, stuck.point_map.iterate(creeping, 500).points))
     assert (before < 1.01 * HOLDS).all() and (creeping[:, 1] == 0.0).all()
     assert ((after < before) | (before <= HOLDS * (1 + 1e-9))).all()
+
+
+def test_a_circle_of_equilibria_closes_upon_itself() -> None:
+    held = discrete_map(lambda x, p: (x[0], 0.5 * x[1]), {}, (angle("a"), "v"))
+    (circle,) = find_attractors(held, CellGrid((-pi, -20.0), (pi, 20.0), (6, 6)).centres())
+    assert circle.kind is Kind.EQUILIBRIA and circle.cover.certain.all()
+    gaps = np.diff(np.sort(circle.points[:, 0]))
+    assert np.ptp(circle.points[:, 0]) + gaps.max() == pytest.approx(2 * pi, rel=1e-6)
 
 
 def held_in_the_plane(t, x, p, s):

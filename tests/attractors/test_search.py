@@ -17,7 +17,6 @@ from cellmap.attractors.examined import Examined
 from cellmap.attractors.transients import Reason
 from cellmap.maps.orbit_batch import Orbits
 from cellmap.orbits import Kind
-from cellmap.orbits.newton import newton
 
 W = 2 * pi * 50  # the drive of the report's pendulum, rad/s
 
@@ -208,26 +207,6 @@ def test_weakly_attracting_cycles_close_to_a_flip():
 def test_a_search_that_finds_nothing_says_why(function, cause) -> None:
     with pytest.warns(UserWarning, match=f"no attractor was found from 3 initial conditions: .*{cause}"):
         assert find_attractors(discrete_map(function, {}, ("x",)), [[0.1], [0.2], [0.3]]) == ()
-
-
-# --- Newton's method
-
-
-@pytest.mark.parametrize("period", [1, 2, 3])
-def test_newton_finds_unstable_points_too(period):
-    """All solutions of P^q(x) = x for the logistic map at 4: sin^2(pi k / (2^q +- 1))."""
-    exact = [sin(pi * k / (2**period + s)) ** 2 for s in (-1, 1) for k in range(2**period)]
-    guesses = np.array(exact)[:, None] + 1e-3
-    points, settled = newton(logistic(4.0), guesses, np.full(len(guesses), period), np.ones(1))
-    assert settled.all()
-    assert points[:, 0] == pytest.approx(exact, abs=1e-12)
-
-
-def test_newton_gives_up_where_there_is_nothing():
-    """x + 1 + x^2 has no fixed point; a rigid rotation by half a circle has no isolated ones."""
-    rising = discrete_map(lambda x, p: (x[0] + 1.0 + x[0] ** 2,), {}, ("x",))
-    assert not newton(rising, np.array([[0.3], [-2.0]]), np.ones(2, int), np.ones(1))[1].any()
-    assert not newton(circle(0.5, 0.0), CIRCLE, np.full(30, 2), np.full(1, 2 * pi))[1].any()
 
 
 # --- orbits followed on beyond the periods that they have lasted

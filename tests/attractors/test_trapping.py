@@ -7,7 +7,7 @@ from math import exp, pi, sqrt, tanh
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from small_maps import grid_of
+from small_maps import distance, grid_of, points_inside
 
 import systems
 from cellmap import (
@@ -49,24 +49,6 @@ def case(request) -> tuple[ForcedSystem, PointMap, np.ndarray, tuple[Attractor, 
     system, window = (LIMITS | MORE)[request.param]
     exact = stroboscopic_map(system)
     return system, exact, np.array(window), find_attractors(exact, grid_of(*window, 24))
-
-
-def points_inside(a: Attractor, number: int, seed: int = 0) -> np.ndarray:
-    """Random points of every ellipsoid, shape (period, number, dimension), half of them close to its surface."""
-    n = a.neighbourhood
-    rng = np.random.default_rng(seed)
-    d = n.centres.shape[1]
-    directions = rng.standard_normal((len(n.centres), number, d))
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
-    radius = np.where(np.arange(number) % 2, 1.0 - 1e-9, rng.uniform(0, 1, number) ** (1 / d))
-    roots = np.linalg.cholesky(np.linalg.inv(n.metrics))
-    return n.centres[:, None] + np.einsum("qij,qnj->qni", roots, radius[:, None] * directions)
-
-
-def distance(a: Attractor, points: np.ndarray) -> np.ndarray:
-    """Distance to the centre of each point's own ellipsoid, in its metric; points (period, number, dimension)."""
-    shift = difference(points, a.neighbourhood.centres[:, None], a.coordinates)
-    return np.sqrt(np.einsum("qni,qij,qnj->qn", shift, a.neighbourhood.metrics, shift))
 
 
 def distance_to_orbit(a: Attractor, points: np.ndarray, extent: np.ndarray) -> np.ndarray:
