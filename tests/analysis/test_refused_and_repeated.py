@@ -110,7 +110,6 @@ REFUSED = [
     (lambda: fractal.kaplan_yorke_dimension([[1.0, -2.0], [1.0, -2.0]]), "those of one orbit"),
     (lambda: fractal.kaplan_yorke_dimension([1.0, -2.0], [0.1]), "one error"),
     # --- uncertainty and Wada
-    (lambda: uncertain(region=None), "region=None: give the window"),
     (lambda: uncertain(outcome=lambda x: x), "return one whole number for each"),
     (lambda: uncertain(include=(3,)), "include=3: give a whole number|include=3: give negative labels"),
     (lambda: fractal.image_uncertainty_exponent([[-1, -2]]), "no cell belongs to a basin"),
@@ -133,8 +132,6 @@ REFUSED = [
     (lambda: resilience.minimal_fatal_shock(single(), 0), "scale is missing"),
     (lambda: resilience.random_box(attractor(), {"x": (1.0, 0.0)}), r"ranges\['x'\]=.*: give the lower bound first"),
     (lambda: resilience.random_ball(attractor(), 1.0, along=["w"]), "along='w'"),
-    (lambda: resilience.node_stability(disc(), 0, {"x": 3.0}), r"nodes\['x'\]=3.0: give ranges"),
-    (lambda: survived(3.0), "allowed=3.0: give bounds"),
     (lambda: survived(lambda states: states), "bools"),
     (lambda: resilience.tipping_probabilities([0, 1], [0, 1], match="distance"), "have no attractors"),
     (lambda: resilience.tipping_probabilities([0.5], [0]), "whole numbers"),

@@ -240,6 +240,10 @@ def test_what_bounds_against_infinity() -> None:
     assert edge.orbit is not None
     assert edge.orbit.points[0] == pytest.approx([0.0], abs=1e-12)
     assert edge.sides[-1].tolist() == [0, -2]
+    # In a window much narrower than 1.
+    cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",))
+    narrow = edge_orbit(find_basins(cubic, CellGrid((-0.05,), (0.05,), (10,))), periods=30)
+    assert narrow.growth.slope == pytest.approx(log(1.5), abs=1e-6)
 
 
 def test_figures_of_edges(pendulum: Basins, wells: Basins) -> None:
