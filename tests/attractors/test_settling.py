@@ -219,6 +219,7 @@ def test_a_rule_sees_points_and_tells_any_number():
     found = classify(halves, catalogue, np.array([[4.5], [0.5], [-1.0], [1e9]]), 10, rule)
     assert found.labels.tolist() == [100_000, 100_000, Label.DIVERGED, Label.UNDECIDED]
     assert found.times.tolist() == [3, 0, -1, -1]
+    assert found.tally.steps == 3 + 0 + 1 + 10
     assert np.isfinite(np.concatenate(seen)).all()
 
 
