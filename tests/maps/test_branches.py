@@ -197,7 +197,7 @@ def test_images_in_closed_form(name):
 
 
 @pytest.mark.parametrize("place", [[0.2, 0.0], [1.8, 0.0], [1.0, 0.0], [-1.3, 0.0]])
-@pytest.mark.parametrize("steps", [floor, lambda x: ceil(x) - 1.0, lambda x: x - x % 1.0])
+@pytest.mark.parametrize("steps", at_once([floor], later=[lambda x: ceil(x) - 1.0, lambda x: x - x % 1.0]))
 def test_a_quantised_feedback_holds_the_state_at_a_step(place, steps):
     """x' = 1/2 - floor(x) pushes back onto x = 1 from both sides, where y' is the mean of 0 and 1 (Filippov)."""
     found = image(lambda t, x, p: (0.5 - steps(x[0]), steps(x[0])), 4.0, place)
@@ -238,7 +238,7 @@ def test_the_larger_of_a_number_and_a_sign(larger):
 
 
 @pytest.mark.parametrize("power", [0.5, 1.5, 1 / 3])
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+@pytest.mark.parametrize("tolerance", at_once([1e-9], later=[1e-6]))
 def test_powers_of_a_distance_that_passes_zero(power, tolerance):
     """x = t - 1/3, so that v is the integral of |x| to a power: its derivatives have poles at zero."""
     found = image(lambda t, x, p: (1.0, abs(x[0]) ** power), 1.0, [-1 / 3, 0.0], tolerance)

@@ -142,6 +142,7 @@ def test_expansion_that_is_lost_again() -> None:
         assert (off(found.points[met], points[met], 1e-9) <= 1.0).all(), rate
 
 
+@pytest.mark.thorough
 def test_front_that_is_followed() -> None:
     """Against SciPy's Radau, to which its own tolerance of 1e-12 is a fraction of the one tested."""
 

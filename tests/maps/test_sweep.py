@@ -69,6 +69,7 @@ def test_a_parameter_called_like_a_state() -> None:
     assert [c.name for c in swept_map(shift, "x").coordinates] == ["x", "parameter x"]
 
 
+@pytest.mark.thorough
 def test_dry_friction() -> None:
     exact = stroboscopic_map(driven_pendulum(amplitude=0.003, friction=10.0))
     swept = swept_map(exact, "friction")

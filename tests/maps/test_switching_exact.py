@@ -227,6 +227,7 @@ def test_an_initial_condition_on_two_surfaces() -> None:
         assert (np.abs(image - [0.1, 0.05, 0.0, 0.0]).max() < 1e-15) == stuck
 
 
+@pytest.mark.thorough
 def test_what_sticks_stays_to_the_last_bit() -> None:
     strobe = stroboscopic_map(dimensionless_pendulum(0.5, 0.3, 0.03, 0.4))
     settled = strobe.iterate(initial_conditions_of((pi, 2.0), 500), 60).points
