@@ -454,6 +454,7 @@ def test_a_surface_that_all_but_depends_on_time():
         assert image(rhs, period, place, tolerance) == pytest.approx(exact, abs=30 * tolerance + 1e-10)
 
 
+@pytest.mark.thorough
 def test_a_branch_within_a_branch_beside_a_sliding_motion():
     """A time switch matters on one side alone of the surface along which the orbit slides.
 

@@ -110,7 +110,8 @@ def attacked(text: str, rng: random.Random, boxes: int, interval: tuple[float, f
     return compared, worst
 
 
-@pytest.mark.parametrize("seed", at_once([0], later=range(1, 5)))
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", range(5))
 def test_points_of_boxes_under_random_formulas(seed: int) -> None:
     rng, compared = random.Random(seed), 0
     for number in range(20):

@@ -135,6 +135,7 @@ def test_where_there_is_no_image_there_is_no_derivative() -> None:
     assert np.isnan(found[1]).all()
 
 
+@pytest.mark.thorough
 def test_whole_numbers_that_are_larger_once_compiled_are_refused() -> None:
     def factorial(x: Any, p: Any) -> Any:
         product = 1

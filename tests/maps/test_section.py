@@ -100,6 +100,7 @@ def test_no_orbit_is_lost_at_the_section_of_an_angle(tolerance):
     assert np.ptp(found.points) < 6.0 * exp(-0.2 * 30 * 0.8)
 
 
+@pytest.mark.thorough
 def test_rotation_crosses_the_section_of_an_angle_in_every_period():
     """A pendulum that a torque drives round and round: from theta = 1 to theta = 1 + 2 pi."""
     back = section_map(TORQUE, ("theta", 1.0, 1), rtol=1e-11, atol=1e-11)
@@ -189,6 +190,7 @@ def test_orbits_that_do_not_return_say_so():
     assert np.isnan(returns.times[0]) and returns.times[1] > 0
 
 
+@pytest.mark.thorough
 def test_derivatives_are_those_of_differences():
     back = section_map(LORENZ, ("z", 27.0, -1), rtol=1e-13, atol=1e-13)
     initial_conditions = np.array([[6.0, 2.0], [-10.0, -12.0]])

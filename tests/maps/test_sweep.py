@@ -32,6 +32,7 @@ def test_images_are_those_of_each_value(pendulum: PointMap) -> None:
         assert (image[2:] == state[2:]).all()
 
 
+@pytest.mark.thorough
 def test_derivatives_by_a_parameter(pendulum: PointMap) -> None:
     # Against Richardson's extrapolation of central differences.
     state, h = np.array([1.0, 31.4]), 1e-6

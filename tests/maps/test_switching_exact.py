@@ -214,6 +214,7 @@ def test_a_surface_that_repels_is_left_to_the_side_of_the_smooth_part(side: floa
     assert still([0.0]) == pytest.approx([1.0])
 
 
+@pytest.mark.thorough
 def test_an_initial_condition_on_two_surfaces() -> None:
     """Both masses at rest: held, one let go, both let go."""
     for force, table_friction, between, stuck in (
