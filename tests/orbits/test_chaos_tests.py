@@ -85,13 +85,6 @@ def test_noise_is_not_regular_and_tones_are_not_chaotic():
     assert found.value[2:].tolist() == [0.0, 0.0]
 
 
-def test_finely_sampled_chaos_is_not_told_by_the_0_1_test():
-    """Said in the literature (Gottwald, Melbourne 2009): oversampling lowers K; it must not come out as chaotic."""
-    x = systems.logistic_map(4.0).orbit([0.3], 200).points[:, 0]
-    fine = np.interp(np.arange(0, 2000) / 10.0, np.arange(len(x)), x)
-    assert zero_one_test_of_series(np.sin(0.001 * np.arange(2000.0)) + 1e-3 * fine).verdict != "chaotic"
-
-
 def test_mean_square_displacements_are_those_of_their_definition():
     """Against sums as they are written by Gottwald and Melbourne (2009), equations 2.1 to 2.3."""
     from cellmap.orbits.zero_one import _correlations

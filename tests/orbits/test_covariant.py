@@ -1,7 +1,5 @@
 """Covariant Lyapunov vectors: exact directions, invariance under the derivative, and independent iterations."""
 
-from math import pi, sqrt
-
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -63,18 +61,6 @@ def test_equal_exponents_have_one_subspace(linear, matrix, exponents, dimensions
     assert f"(one subspace of dimension {max(dimensions)})" in repr(found)
     with pytest.raises(ValueError, match="divides a subspace"):
         found.angles(begin + 1)
-
-
-def test_the_cat_map_is_uniformly_hyperbolic():
-    """A symmetric matrix: its directions are orthogonal everywhere; of [[1, 1], [1, 0]] o shear they are not."""
-    torus = (angle("x", "", 1.0), angle("y", "", 1.0))
-    cat = discrete_map(lambda x, p: (2 * x[0] + x[1], x[0] + x[1]), {}, torus)
-    found = covariant_vectors(cat, [0.1, 0.3])
-    assert found.angles() == pytest.approx(np.full(1000, pi / 2), abs=1e-7)
-    skewed = discrete_map(lambda x, p: (3 * x[0] + x[1], 2 * x[0] + x[1]), {}, torus)
-    slopes = [sqrt(3.0) - 1.0, -sqrt(3.0) - 1.0]  # of the eigenvectors of [[3, 1], [2, 1]]
-    known = np.arctan(slopes[0]) - np.arctan(slopes[1])
-    assert covariant_vectors(skewed, [0.1, 0.3]).angles() == pytest.approx(np.full(1000, min(known, pi - known)))
 
 
 def test_henon():

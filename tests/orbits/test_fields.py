@@ -1,6 +1,6 @@
 """Finite-time exponents over a grid: exact values, both directions, and their relation to basins."""
 
-from math import cosh, log, pi
+from math import log, pi
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -94,15 +94,6 @@ def test_slices_and_single_cells():
     assert row.forward[:, 0] == pytest.approx(whole.forward[:, 1], rel=1e-12)
     one = finite_time_exponents(strobe, CellGrid((-1.0, -0.5), (1.0, 0.5), (1, 1)), 2)
     assert one.forward[0, 0] == pytest.approx(whole.forward[4, 1], rel=1e-12)
-
-
-def test_a_field_on_a_line():
-    """x -> 2 sinh-like stretch: the derivative of sinh is cosh."""
-    from math import sinh
-
-    field = finite_time_exponents(discrete_map(lambda x, p: (sinh(x[0]),), {}, ("x",)), CellGrid((-1,), (1,), (4,)), 1)
-    assert field.forward == pytest.approx([log(cosh(x)) for x in field.grid.axis(0)], abs=1e-12)
-    assert field.backward == pytest.approx(-field.forward, abs=1e-12)
 
 
 def test_the_same_bits_for_any_number_of_threads():

@@ -134,14 +134,12 @@ def test_bad_input_is_refused(pendulum, call, error, message):
         call(pendulum)
 
 
-THOROUGH = pytest.mark.thorough
-
-
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("step", "window"),
     [
         (lambda x, p: (4.0 * x[0] * (1.0 - x[0]),), (-0.01, 1.01)),
-        pytest.param(lambda x, p: (1.0 - 2.0 * x[0] ** 2,), (-1.01, 1.01), marks=THOROUGH),
+        (lambda x, p: (1.0 - 2.0 * x[0] ** 2,), (-1.01, 1.01)),
     ],
 )
 def test_orbits_of_long_periods_of_full_parabolas(step, window):
@@ -158,7 +156,7 @@ def test_orbits_of_long_periods_of_full_parabolas(step, window):
 
 @pytest.mark.parametrize(
     ("a", "b", "extent", "cells", "longest"),
-    [(6.0, 0.3, 4.0, 150, 7), pytest.param(10.0, -1.0, 5.0, 250, 6, marks=THOROUGH)],
+    [(6.0, 0.3, 4.0, 150, 7), pytest.param(10.0, -1.0, 5.0, 250, 6, marks=pytest.mark.thorough)],
 )
 def test_each_orbit_of_a_horseshoe_is_found_once(a, b, extent, cells, longest):
     # Devaney, Nitecki, Communications in Mathematical Physics 67 (1979) 137: one orbit for each binary Lyndon word.
