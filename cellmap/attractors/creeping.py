@@ -11,7 +11,7 @@ import numpy as np
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.stopping import check_stop
 from ..maps.coordinates import difference, turns_of, wrap
-from ..maps.orbit_batch import Orbits
+from ..maps.orbit_batch import Orbits, Status, Tally
 from ..maps.point_map import PointMap
 from ..maps.side_by_side import advance_on_threads
 from ..orbits.attractor import Attractor, Kind
@@ -161,7 +161,9 @@ def settled_at_last(point_map: PointMap, attractors: Sequence[Attractor], age: i
     labels, times = settled.labels.copy(), settled.times.copy()
     labels[rows] = np.where(owners >= 0, owners, labels[rows])
     times[rows] = np.where(owners >= 0, age, times[rows])
-    return replace(settled, labels=labels, times=times, orbits=settled.orbits[np.flatnonzero(owners < 0)])
+    missed = int(np.count_nonzero((owners >= 0) & (settled.orbits.status == Status.INACCURATE)))
+    tally = settled.tally.plus(Tally(inaccurate=missed))
+    return replace(settled, labels=labels, times=times, tally=tally, orbits=settled.orbits[np.flatnonzero(owners < 0)])
 
 
 def _come(exact: PointMap, states: Floats, catalogue: Catalogue, periods: int) -> Ints:

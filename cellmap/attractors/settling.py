@@ -315,8 +315,10 @@ def _labelled(
         work.evaluations += int(counts[labelling.APPLIED]) * compiled.stages
     work.look_ups += int(counts[labelling.LOOK_UPS])
     made = work.evaluations - past.evaluations, work.look_ups - past.look_ups
-    tally = Tally(int(counts[labelling.PERIODS]), int(counts[labelling.MISSED]), *made)
-    left = np.flatnonzero(outcome.labels == Label.UNDECIDED)
+    undecided = outcome.labels == Label.UNDECIDED
+    missed = int(np.count_nonzero((outcome.status == Status.INACCURATE) & ~undecided))
+    tally = Tally(int(counts[labelling.PERIODS]), missed, *made)
+    left = np.flatnonzero(undecided)
     labels: NDArray[Any] = outcome.labels
     if rule is None:
         labels = labels.astype(label_type(len(catalogue.attractors)))

@@ -28,7 +28,7 @@ from ..attractors.residence import OBSERVED, unobserved, with_full_residence, wi
 from ..attractors.search import region_extent, search, sort_out
 from ..attractors.settling import Settled
 from ..attractors.transients import Late, Reason, regular
-from ..maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits
+from ..maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits, Status, Tally
 from ..maps.point_map import PointMap, ToleranceWarning, remedy_for_missed
 from ..orbits.attractor import Attractor, sort_key
 from .doubts import cycles_of
@@ -185,11 +185,14 @@ class Run:
                 return
             if states is None:
                 states = self._states(left, now)
+            # Exactly, but where there are more than are held, of which a part stands for all.
+            missed = round(len(left) * float(np.mean(states.status == Status.INACCURATE)))
             with heeding(self.stop):
                 attractors, reasons = self._find_more(now, left, states)
             following = self._following(now, left, self._observed(attractors, len(now.attractors)))
             if following is None:
                 self.reasons = reasons
+                self.now = replace(now, tally=now.tally.plus(Tally(inaccurate=missed)))
                 return
             self.store.begin(following)
             if following.time_limit == now.time_limit or len(states) < len(left):
@@ -310,6 +313,8 @@ class Run:
             # From the beginning, so that settling times are those of the whole catalogue.
             rows, repeats = self._unsettled(attractors), now.repeats + 1
             again = replace(now, attractors=attractors, rows=rows, restart_times=(), tiles=None)
+            if rows.bits is None:  # whose orbits are counted again
+                again = replace(again, tally=now.tally._replace(inaccurate=0))
             return replace(again, repeats=repeats, undecided=len(left))
         if now.time_limit == self.max_periods:
             return None

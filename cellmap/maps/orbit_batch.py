@@ -90,8 +90,8 @@ class Work:
 class Tally(NamedTuple):
     """Work of labelling some initial conditions.
 
-    ``steps``: periods of all of them; ``inaccurate``: initial conditions on whose orbit the integrator missed its
-    tolerance; ``evaluations``, ``look_ups``: see :class:`Cost`.
+    ``steps``: periods of all of them; ``inaccurate``: those with a label on whose orbit the integrator missed its
+    tolerance, for those that are undecided go on; ``evaluations``, ``look_ups``: see :class:`Cost`.
     """
 
     steps: int = 0

@@ -12,6 +12,7 @@ from known_basins import LINE, circle_grid, counts, two_wells
 import systems
 from cellmap import (
     CellGrid,
+    ForcedSystem,
     Label,
     Status,
     certify,
@@ -181,6 +182,18 @@ def test_initial_conditions_with_missed_tolerance_are_counted_and_warned_of():
     assert 0 < basins.inaccurate <= 36
     with pytest.warns(ToleranceWarning):
         assert strobe.iterate([1.0, 50.0], 1).status == Status.INACCURATE
+
+
+def test_inaccurate_orbits_count_once_however_many_sweeps_there_are():
+    """Chaotic orbits that 16 steps a period do not resolve are undecided to the end, of three sweeps."""
+    system = ForcedSystem(
+        lambda t, x, p: (x[1], x[0] - x[0] ** 3 + 0.3 * np.cos(t) - 0.02 * x[1]), {}, 2 * np.pi, ("x", "v")
+    )
+    with pytest.warns(ToleranceWarning, match="missed its tolerance along 25 of 25 orbits"):
+        basins = find_basins(
+            stroboscopic_map(system, max_steps=16), CellGrid((-1.0, -1.0), (1.0, 1.0), (5, 5)), max_periods=1100
+        )
+    assert basins.inaccurate == 25 and basins.cost.steps == 25 * 1100
 
 
 def test_memory_is_what_was_stated(monkeypatch):

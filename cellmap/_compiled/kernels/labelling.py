@@ -18,16 +18,16 @@ from ..loops import inlined, loop
 from .blocks import place_of
 from .calls import call_look_up
 from .capture import CERTAIN, LOOKED_AT, OUTSIDE, ellipsoids_of, held_by_cover, sifted
-from .periods import ESCAPED, INACCURATE, NOWHERE, CompiledMap, Motion, integrate, iterate, notice
+from .periods import ESCAPED, NOWHERE, CompiledMap, Motion, integrate, iterate, notice
 
 FINISHED, INTERRUPTED, ASKS_FOR_POOL, ASKS_FOR_WAITING = 0, 1, 2, 3
 """Why the loop returns: nothing is left, so that Ctrl-C is heard, or for one step of the map or of the exact map."""
 
-ACTIVE, WAITING, BEGUN, MOVED, LOOKED, SPENT, PERIODS, APPLIED, LOOK_UPS, MISSED = range(10)
+ACTIVE, WAITING, BEGUN, MOVED, LOOKED, SPENT, PERIODS, APPLIED, LOOK_UPS = range(9)
 """Places in the counts: rows in the pool and waiting, orbits begun, whether the waiting rows have been moved, whether
 the pool has been looked at; orbits moved by exact maps since the last return; periods, steps of the integrator or
-applications, look-ups, and orbits that are inaccurate."""
-COUNTS = 10
+applications, and look-ups."""
+COUNTS = 9
 
 POOL = 2048
 """Rows of a table that are moved together: they and much of the table stay in the cache."""
@@ -259,7 +259,6 @@ def _look(step, regions, sieve, covers, limits, outcome, work):
                     for j in range(pool.points.shape[1]):
                         pool.points[r, j] = np.nan
                 if _ends(covers, limits, outcome, pool, r, found[i]):
-                    counts[MISSED] += pool.status[r] == INACCURATE
                     scratch.holes[holes] = r
                     holes += 1
                     continue
