@@ -136,17 +136,6 @@ def test_a_line_is_not_fractal(seed):
     assert found.exponent == pytest.approx(1.0, abs=3 * found.standard_error)
 
 
-def test_narrow_stripes_are_not_fractal():
-    """Smooth basins that the larger distances do not resolve: the fraction rises from constant to proportional."""
-    stripes = discrete_map(lambda x, p: (x[0], 0.0 * x[1]), {}, ("x", "y"))
-
-    def stripe(points):
-        return np.floor(points[:, 0] * 200.0).astype(int) % 2
-
-    found = uncertainty_exponent(stripes, CellGrid((0, 0), (1, 1), (2, 2)), outcome=stripe)
-    assert found.verdict != "fractal"
-
-
 def test_no_boundary():
     halves = discrete_map(lambda x, p: (x[0] / 2, x[1] / 3), {}, ("x", "y"))
     found = uncertainty_exponent(halves, CellGrid((-1, -1), (1, 1), (9, 9)), max_pairs=10_000)
