@@ -14,7 +14,9 @@ from .._lib.threads import run_over, slices
 from ..maps.coordinates import difference, state_points, turns_of, wrap
 from ..maps.grid import CellGrid, check_volume, grid_points
 from ..maps.orbit_batch import CHUNK, Orbits
+from ..maps.poincare import Section
 from ..maps.point_map import PointMap
+from ..maps.swept_orbits import SweptOrbits
 from ..maps.tangent import tangent
 from .newton import ROUNDING, closed_orbit, newton, resolution, solutions
 from .orbit_equations import OrbitProblem
@@ -30,6 +32,7 @@ _ACROSS, _SINGULAR = 0.01, 1e-8  # singular value, relative, of the direction al
 _SAME = 1e-7  # distance of points of one orbit, relative to the resolution
 _BESIDE = 0.01  # distance from a known orbit, in the same units, from which a solution may be that orbit,
 _BLURRED = 10.0  # and errors of a solution within which it is: its residual is known in order of magnitude alone
+_STILL = 1e-6  # motion of an equilibrium in an interval of time, in extents: Newton's method blurs it that much
 _FOLLOWED, _PERIODS = 32, 64  # cells whose orbits are followed, and for how long
 
 
@@ -84,7 +87,13 @@ def periodic_orbit(point_map: PointMap, guess: ArrayLike, period: int = 1) -> Pe
             "search a window with find_periodic_orbits"
         )
     away = _away(point_map, found, state, extent)
-    return closed_orbit(point_map, found[np.argmin(away)], rounds, extent)
+    nearest = found[np.argmin(away)]
+    if _rests(point_map.without_table, nearest, extent):
+        raise ValueError(
+            f"guess={state.tolist()}: {nearest.tolist()} is an equilibrium through which the section passes; give a "
+            "guess nearer to a cycle, or another section"
+        )
+    return closed_orbit(point_map, nearest, rounds, extent)
 
 
 def _from_guess(exact: PointMap, state: Floats, rounds: int, extent: Floats) -> Floats:
@@ -125,6 +134,18 @@ def _of_a_family(exact: PointMap, state: Floats, rounds: int, extent: Floats) ->
             return point[None] if sizes[-1] <= _SINGULAR * sizes[0] else np.empty((0, d))
         point, last = point - extent * np.linalg.lstsq(matrix, residual, rcond=_ACROSS)[0], size
     return np.empty((0, d))
+
+
+def _rests(exact: PointMap, point: Floats, extent: Floats) -> bool:
+    """Return whether a point of a section is an equilibrium: in an interval of time it would not leave the point."""
+    spec = exact.spec
+    if not isinstance(spec, Section):
+        return False
+    names, (across, value, _) = tuple(exact.params)[:1], spec.section
+    place = [c.name for c in spec.system.axes].index(across)
+    orbit = SweptOrbits(exact, names, np.array([[exact.params[name] for name in names]]), point[None], 1)
+    rates = orbit.rates(np.insert(point, place, value)[None, None])[0, 0]
+    return bool((np.abs(rates) * spec.system.length <= _STILL * np.insert(extent, place, extent.max())).all())
 
 
 def _away(point_map: PointMap, points: Floats, guess: Floats, extent: Floats) -> Floats:

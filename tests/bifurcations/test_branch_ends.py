@@ -59,6 +59,20 @@ def test_a_running_state_ends_at_a_homoclinic_orbit():
     assert 0.5973831 < branch.values[0] < 0.5973846
 
 
+@pytest.mark.parametrize("parameters", [{"r": 20.0}, {}])
+def test_an_equilibrium_on_a_section_is_no_periodic_orbit(parameters: dict[str, float]) -> None:
+    """Those of Lorenz's system have x = y = sqrt(8 (r - 1) / 3), z = r - 1; cycles cross where one rate is 0."""
+
+    def rhs(t, x, p):  # type: ignore[no-untyped-def]
+        return 10.0 * (x[1] - x[0]), x[0] * (20.0 - x[2]) - x[1], x[0] * x[1] - 8.0 * x[2] / 3.0
+
+    section = section_map(ForcedSystem(rhs, parameters, 1.0, ("x", "y", "z")), ("z", 19.0, -1))
+    with pytest.raises(ValueError, match=r"an equilibrium through which the section passes; give"):
+        periodic_orbit(section, [sqrt(152.0 / 3.0) + 1e-3, sqrt(152.0 / 3.0)])
+    circle = ForcedSystem(lambda t, x, p: (-x[1] + x[0] * (1.0 - x[0] ** 2 - x[1] ** 2), x[0]), {}, 1.0, ("x", "y"))
+    assert periodic_orbit(section_map(circle, ("y", 0.0, 1)), [0.9]).points[0, 0] > 0.5
+
+
 def on_a_circle(max_time):
     """On the unit circle the angle has the rate w - sin(angle): the period is 2 pi / sqrt(w^2 - 1)."""
 
