@@ -125,10 +125,10 @@ def _double_by_hand(system: ForcedSystem, angles: tuple[float, float]) -> float:
     "drive",
     [
         systems.VerticalDrive(0.006, 50.0),
-        systems.TiltedDrive(0.006, 50.0, tilt=0.3, phase=0.5),
+        pytest.param(systems.TiltedDrive(0.006, 50.0, tilt=0.3, phase=0.5), marks=pytest.mark.thorough),
         systems.RotatingDrive(0.006, 0.002, 50.0),
-        systems.TorqueDrive(3000.0, 50.0),
-        systems.HarmonicDrive((0.004, 0.002), (0.0, 1.0), 50.0),
+        pytest.param(systems.TorqueDrive(3000.0, 50.0), marks=pytest.mark.thorough),
+        pytest.param(systems.HarmonicDrive((0.004, 0.002), (0.0, 1.0), 50.0), marks=pytest.mark.thorough),
     ],
     ids=lambda d: type(d).__name__,
 )
@@ -236,6 +236,7 @@ def test_wells_just_born() -> None:
         systems.find_well(systems.effective_potential(systems.driven_pendulum(amplitude=least * (1.0 - 1e-6))))
 
 
+@pytest.mark.thorough
 def test_release_limits_are_those_of_plain_integration(scipy_images: Callable[..., Any]) -> None:
     system = systems.driven_pendulum()
     limits = systems.release_limits(system, phases=[0.25, 0.6], angles=64, tolerance=1e-9)

@@ -48,12 +48,7 @@ def test_extreme_masses_keep_their_digits(ratio: float) -> None:
 
 def test_energy_is_kept_by_what_keeps_it() -> None:
     """Gravity and springs, no drive and no friction."""
-    for effects in (
-        (systems.Gravity(9.8),),
-        (systems.Gravity(9.8), systems.TorsionSpring(30.0, 0.4)),
-        (systems.TorsionSpring(30.0, 0.4),),
-        (),
-    ):
+    for effects in ((systems.Gravity(9.8), systems.TorsionSpring(30.0, 0.4)), ()):
         system = systems.scene(systems.Chain(LINKS[:4], MASSES[:4]), *effects, period=1.0)
         ic = np.array([1.0, -2.0, 0.5, 3.0, 4.0, -2.0, 0.0, 1.0])
         solution = solve_ivp(system.fun, (0.0, 1.0), ic, method="DOP853", rtol=1e-12, atol=1e-12)

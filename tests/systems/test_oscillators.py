@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.special import ellipk, mathieu_a, mathieu_b
+from scipy.special import mathieu_a, mathieu_b
 
 import systems
 from cellmap import ForcedSystem, stroboscopic_map
@@ -60,17 +60,6 @@ def test_fixed_points(system: ForcedSystem, points: list[tuple[float, float]], d
     assert np.abs(np.linalg.eigvals(jacobian(strobe, points))).max() < 1.0
 
 
-@pytest.mark.parametrize(("linear", "cubic", "amplitude"), [(1.0, 1.0, 1.5), (1.0, -0.2, 1.5), (0.0, 1.0, 2.0)])
-def test_the_free_duffing_oscillator_has_its_exact_period(linear: float, cubic: float, amplitude: float) -> None:
-    """4 K(m)/sqrt(linear + cubic a^2) at the amplitude a, with m = cubic a^2 / (2 (linear + cubic a^2))."""
-    square = linear + cubic * amplitude**2
-    period = 4.0 * ellipk(0.5 * cubic * amplitude**2 / square) / sqrt(square)
-    free = {"damping": 0.0, "forcing": 0.0, "frequency": 2.0 * pi / period}
-    system = systems.duffing_oscillator(linear=linear, cubic=cubic, **free)
-    image = stroboscopic_map(system, rtol=1e-12, atol=1e-12)([amplitude, 0.0])
-    assert image == pytest.approx([amplitude, 0.0], abs=1e-10)
-
-
 @pytest.mark.parametrize(
     ("factory", "velocity", "critical"),
     [
@@ -90,6 +79,7 @@ def test_melnikovs_critical_forcing(factory: Any, velocity: Callable[[float], fl
     assert p.damping * taken / given == pytest.approx(critical, abs=6e-5)
 
 
+@pytest.mark.thorough
 def test_the_exponents_of_uedas_attractor() -> None:
     """0.1034 and -0.1534 in the unit of t (Sprott, *Chaos and Time-Series Analysis*, 2003); the sum is -damping."""
     strobe = stroboscopic_map(systems.ueda_oscillator())

@@ -194,7 +194,12 @@ def test_an_effect_with_a_parameter_of_the_body_gets_the_prefix_and_compiles_as_
     state = (1.2, 0.3)
     expected = (0.3, -9.8 / 0.5 * sin(1.2) - 0.7)  # 0.25 + 7 pushes is above sin 1.2
     assert system.derivative(0.0, state) == pytest.approx(expected, rel=1e-14)
-    moved = (stroboscopic_map(system.with_params(gravity=0.0))(state) - state) / system.length
+
+
+@pytest.mark.thorough
+def test_an_effect_that_cannot_be_traced_compiles_as_it_is() -> None:
+    system = systems.scene(systems.Pendulum(0.5), systems.Gravity(0.0), Weathervane(0.25, 0.1), period=0.1)
+    moved = (stroboscopic_map(system)((1.2, 0.3)) - (1.2, 0.3)) / system.length
     assert moved == pytest.approx((0.3 - 0.5 * 0.7 * system.length, -0.7), rel=1e-6)
 
 

@@ -45,6 +45,13 @@ def test_hum_near_a_harmonic_is_not_followed() -> None:
     assert np.abs(deviations(drive, found)).max() < 3.0
 
 
+def test_a_long_list_of_harmonics_is_shortened() -> None:
+    times = TIMES[:400]
+    square = 200.0 * np.sign(np.sin(2.0 * pi * 41.3 * times))
+    found = lab.recover_drive(times, square + np.random.default_rng(0).normal(0.0, 1.0, times.size))
+    assert f"mm and {len(found.amplitudes) - 4} harmonics more; 400 samples" in repr(found)
+
+
 def test_peak_to_peak_of_harmonics() -> None:
     found = lab.recover_drive(TIMES, lab.record_acceleration(TWO, TIMES, noise=3.0))
     fine = np.linspace(0.0, 1.0 / 23.37, 200_001)

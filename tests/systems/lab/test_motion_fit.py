@@ -162,6 +162,7 @@ def test_a_driven_rod_filmed_from_some_moment() -> None:
         assert found.estimates[name] == pytest.approx(value, abs=4.0 * found.standard_errors[name])
 
 
+@pytest.mark.thorough
 def test_viscous_damping_of_a_wide_swing(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
     times, angles = film
     found = lab.fit_damping(times, noisy(angles, 0), ["viscous"])
@@ -213,6 +214,7 @@ def test_dry_friction_of_a_short_swing() -> None:
     assert found.rmse == pytest.approx(0.0067, rel=0.15)
 
 
+@pytest.mark.thorough
 def test_parameters_that_the_motion_does_not_tell_are_named(
     film: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> None:
