@@ -307,6 +307,7 @@ def test_a_branch_that_changes_at_an_impact():
     np.testing.assert_allclose(jacobian(strobe, place), np.stack(columns, axis=-1), atol=1e-8)
 
 
+@pytest.mark.thorough
 def test_a_conditional_is_the_switch_that_it_stands_for():
     """An `if` and signs that are given are the same system; so are a sign and the friction that it stands for."""
 

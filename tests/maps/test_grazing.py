@@ -171,7 +171,8 @@ def test_an_orbit_with_a_deep_impact_ends_where_it_comes_to_the_wall_once_more()
     assert max(reached, key=lambda state: state[0]) == pytest.approx([1.0, 0.0], abs=1e-8)
 
 
-@pytest.mark.parametrize("force", at_once([1.0], later=[0.3]))
+@pytest.mark.thorough
+@pytest.mark.parametrize("force", [0.3, 1.0])
 def test_branches_on_both_sides_of_the_onset_of_sliding_end_there(force):
     """A belt faster than the mass on it, until the linear response reaches its speed: then the mass sticks to it."""
     system = ForcedSystem(

@@ -90,7 +90,8 @@ def test_damped_oscillator_in_closed_form(direction):
         np.testing.assert_allclose(half.points, initial_conditions * exp(-0.1 * pi / frequency), rtol=1e-10)
 
 
-@pytest.mark.parametrize("tolerance", at_once([1e-9], later=[1e-12]))
+@pytest.mark.thorough
+@pytest.mark.parametrize("tolerance", [1e-9, 1e-12])
 def test_no_orbit_is_lost_at_the_section_of_an_angle(tolerance):
     """All rotations come back in 30 returns, and after that to within exp(-0.2 * 30 * 0.84) of the stable one."""
     back = section_map(TORQUE, ("theta", 1.0, 1), rtol=tolerance, atol=tolerance)

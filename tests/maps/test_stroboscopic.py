@@ -109,6 +109,7 @@ def test_the_tolerance_is_met_at_random_initial_conditions(
     assert (error <= allowance(system, exact, tolerance, tolerance)).all()
 
 
+@pytest.mark.thorough
 def test_agreement_with_scipy_at_random_initial_conditions(
     problems: Mapping[str, ForcedSystem], scipy_images: ImagesOf
 ) -> None:
