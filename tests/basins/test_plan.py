@@ -77,14 +77,14 @@ def test_errors_of_larger_tables():
     # On coarse grids errors may fall faster than they can in the limit: no more than the order is trusted.
     probe = table_probe(3, falls=9.0)
     assert error_of(probe, sized(SQUARE, 256)) == pytest.approx(probe.errors[-1] / 16)
-    # Errors that rise are not carried on, and coarse tables are no better than finer ones.
+    # Errors that rise are not carried on, and coarse grids are no better than finer ones.
     probe = replace(table_probe(3), errors=(1e-6, 1e-7, 2e-7), raw=(1e-6, 1e-7, 2e-7))
     assert [error_of(probe, sized(SQUARE, n)) for n in (1024, 64)] == pytest.approx([2e-7, 2e-7])
     # Beyond the last table errors without the exact map count.
     probe = replace(table_probe(5), errors=(1e-9, 1e-9, 1e-9), raw=(1e-3, 1e-4, 1e-5))
     assert error_of(probe, sized(SQUARE, 128)) == pytest.approx(1e-9)
     assert error_of(probe, sized(SQUARE, 256)) > 1e-7
-    # What is not allowed is left to the exact map: cells whose centre is off by 1e-4 of their width, for order 5.
+    # What is not allowed is evaluated with the exact map: cells with a centre off by 1e-4 of their width, for order 5.
     assert error_of(table_probe(5, falls=0.0), sized(SQUARE, 1000)) == pytest.approx(1e-4 * 2 / 1000)
     for falls, ratio in ((1.0, 1 / 2), (None, 1 / 64)):  # across kinks, and where the map is smooth
         probe = table_probe(5, 1e-6, falls=falls)

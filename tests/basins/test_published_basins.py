@@ -1,6 +1,6 @@
-"""Basins with published or independently recomputed numbers (REFERENCES.md), and pictures of them.
+"""Basins with published or independently recomputed numbers (REFERENCES.md), and images of them.
 
-Each smooth picture equals, cell by cell, the labels of `tests/reference/basin_images.py`: a plain RK4 with 256 steps a
+Each smooth image equals, cell by cell, the labels of `tests/reference/basin_images.py`: a plain RK4 with 256 steps a
 period (Henon: the map in NumPy).  ``pytest --update-reference`` redraws those in tests/reference/ on purpose.
 """
 
@@ -163,7 +163,7 @@ def test_fractions_do_not_depend_on_the_tolerance_where_the_boundary_is_fractal(
     assert fractions(rough) == pytest.approx(fractions(fine), abs=0.003)
 
 
-# --- pictures
+# --- images
 
 REFERENCE = Path(__file__).parents[1] / "reference"
 CODES = {Label.ESCAPED: 253, Label.DIVERGED: 254, Label.UNDECIDED: 255}
@@ -176,7 +176,7 @@ PALETTE = {
 MILLIMETRES = {n: stroboscopic_map(systems.driven_pendulum(amplitude=1e-3 * n)) for n in (3, 10)}
 # Where a boundary is smooth, one cell in a thousand may lie on it to the last digit; where it is fractal, cells near it
 # depend on the last digits.
-PICTURES = {
+IMAGES = {
     "pendulum_3mm": (lambda: MILLIMETRES[3], circle_grid(100.0, 80), 0.001),
     "pendulum_3mm_wide": (lambda: MILLIMETRES[3], circle_grid(500.0, 100), 0.001),
     "pendulum_3mm_table": (
@@ -191,37 +191,37 @@ PICTURES = {
 }
 
 
-@pytest.mark.parametrize("name", PICTURES)
+@pytest.mark.parametrize("name", IMAGES)
 def test_basins_look_as_before(name, request, tmp_path):
     """Where single cells may differ, the fractions of the colours may not, by more than 1.5 points on so few cells."""
-    make, grid, allowed = PICTURES[name]
+    make, grid, allowed = IMAGES[name]
     labels = find_basins(make(), grid).labels.astype(int)
     numbers = np.select([labels == code for code in CODES], list(CODES.values()), labels)
-    picture = Image.fromarray(np.ascontiguousarray(numbers.T[::-1].astype(np.uint8)))  # the second axis upwards
-    picture.putpalette([c for k in range(256) for c in PALETTE.get(k, (255, 255, 255))])
+    image = Image.fromarray(np.ascontiguousarray(numbers.T[::-1].astype(np.uint8)))  # the second axis upwards
+    image.putpalette([c for k in range(256) for c in PALETTE.get(k, (255, 255, 255))])
     new, reference = tmp_path / f"{name}.png", REFERENCE / f"{name}.png"
-    picture.save(new, optimize=True)
+    image.save(new, optimize=True)
     if request.config.getoption("--update-reference"):
         reference.write_bytes(new.read_bytes())
         pytest.skip(f"{reference} is redrawn")
     with Image.open(reference) as other:
         assert other.mode == "P" and reference.stat().st_size < 8000
-        ours, theirs = np.array(picture), np.array(other)
+        ours, theirs = np.array(image), np.array(other)
     assert (ours != theirs).mean() <= allowed, f"if {new} is right, redraw the reference with pytest --update-reference"
     for colour in np.union1d(ours, theirs):
         assert (ours == colour).mean() == pytest.approx((theirs == colour).mean(), abs=0.015)
 
 
-def test_pictures_are_all_in_use_and_those_of_an_independent_program():
-    assert {path.stem for path in REFERENCE.glob("*.png")} == {*PICTURES}
+def test_images_are_all_in_use_and_those_of_an_independent_program():
+    assert {path.stem for path in REFERENCE.glob("*.png")} == {*IMAGES}
     differing = runpy.run_path(str(REFERENCE / "basin_images.py"))["differing"]
     assert [differing("henon", every=1), differing("pendulum_3mm_table", every=61)] == [0.0, 0.0]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", PICTURES)
-def test_every_cell_of_a_picture_is_that_of_an_independent_program(name):
-    allowed = PICTURES[name][2]
+@pytest.mark.parametrize("name", IMAGES)
+def test_every_cell_of_an_image_is_that_of_an_independent_program(name):
+    allowed = IMAGES[name][2]
     assert runpy.run_path(str(REFERENCE / "basin_images.py"))["differing"](name) <= (
         allowed if allowed > 0.001 else 0.0
     )
