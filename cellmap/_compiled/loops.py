@@ -136,6 +136,8 @@ def _source_of(function: Callable[..., Any]) -> str:
             elif hasattr(value, "__qualname__"):
                 fields = [getattr(value, name, "") for name in ("_fields", "_field_defaults")]
                 what = f"{value.__module__}.{value.__qualname__} {fields}"
+            elif what == object.__repr__(value):  # by its address, which is another one in each process
+                what = f"{type(value).__module__}.{type(value).__qualname__}"
             said.append(f"{reached.index(one)} {name} {what}")
     files = "\n".join(_digest(file) for file in sorted({one.__code__.co_filename for one in reached} | set(_own())))
     return "\n".join([function.__module__, function.__qualname__, str(CHECKED), *said, files])

@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from cellmap._compiled.loops import Loop, inlined, loop
+from cellmap._compiled.kernels.calls import array_at
+from cellmap._compiled.loops import Loop, _source_of, inlined, loop
 
 Whole = np.ndarray[Any, np.dtype[Any]]
 
@@ -272,3 +273,17 @@ def test_arrays_of_any_kind_are_right_or_refused() -> None:
 def test_tuples_of_two_classes_of_one_name_and_equal_fields() -> None:
     classes = [namedtuple("Twin", ["numbers", "factor"]) for _ in range(2)]
     assert [factor_of(one(1, factor)) for factor, one in enumerate(classes)] == [0, 1]
+
+
+@loop
+def first_at(address):  # type: ignore[no-untyped-def]
+    return array_at(address, 2)[0]
+
+
+def test_a_loop_is_told_from_others_alike_in_every_process() -> None:
+    """Else each compiles it again: the operation that it uses lies elsewhere in memory."""
+    value = np.array([2.5, 1.0])
+    assert first_at(value.ctypes.data) == 2.5
+    said = _source_of(first_at.function)
+    assert "marks.ArrayAt" in said
+    assert " at 0x" not in said
