@@ -124,7 +124,7 @@ def test_code_is_kept_in_a_private_folder(folder: Path) -> None:
     assert doubled(compile_again(small_program())) == 4.0
 
 
-@pytest.mark.parametrize("tries", [20, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("tries", [20, pytest.param(1000, marks=pytest.mark.thorough)])
 def test_a_damaged_entry_is_recompiled(folder: Path, tries: int) -> None:
     compile_again(small_program())
     (path,) = folder.iterdir()
@@ -195,7 +195,7 @@ np.save(sys.argv[1], stroboscopic_map(system, method="RK45", rtol=1e-6)(np.linsp
 """
 
 
-@pytest.mark.parametrize("count", [3, pytest.param(8, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [3, pytest.param(8, marks=pytest.mark.thorough)])
 def test_processes_that_start_together_agree(tmp_path: Path, count: int) -> None:
     """Processes compile, write and read the same code at the same time; a later one reads it."""
     environment = {**os.environ, "CELLMAP_CACHE_DIR": str(tmp_path / "shared")}

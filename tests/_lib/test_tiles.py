@@ -167,7 +167,7 @@ def test_table_from_a_cluster(client):
         assert getattr(ours.table, name).tobytes() == getattr(theirs.table, name).tobytes()
 
 
-@pytest.mark.parametrize("name", ["stroboscopic", "table", "discrete"])
+@pytest.mark.parametrize("name", [pytest.param("stroboscopic", marks=pytest.mark.thorough), "table", "discrete"])
 def test_basins_from_a_cluster(client, name):
     point_map = MAPS[name]()
     initial_conditions = GRID if point_map.dimension == 2 else CellGrid((-3.0,), (3.0,), (40_000,))
@@ -239,6 +239,7 @@ def test_a_killed_worker_loses_nothing(lonely, tmp_path):
     assert {process for _, process in delivered.values()} - {victim}, "the work went on elsewhere"
 
 
+@pytest.mark.thorough
 def test_a_cluster_without_workers_is_not_waited_for_for_ever(lonely, tmp_path, monkeypatch):
     """It loses all of them in the middle: that is said, the call ends, and another one goes on from the checkpoint."""
     for name, seconds in {"_SELDOM": 0.05, "_WARNED": 0.2, "_GIVEN_UP": 1.0}.items():
@@ -269,6 +270,7 @@ def test_a_cluster_without_workers_is_not_waited_for_for_ever(lonely, tmp_path, 
     assert len(done) == 5, "tiles that were done are not done again"
 
 
+@pytest.mark.thorough
 def test_workers_that_die_of_their_work_are_told_with_the_remedy(lonely):
     """As they do where memory is short: the scheduler gives up tiles of which some workers have died."""
     cluster, client = lonely

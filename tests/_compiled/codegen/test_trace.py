@@ -182,6 +182,7 @@ ELEMENTARY: list[tuple[Callable[[Any], Any], str]] = [
 ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("function", "formula"), ELEMENTARY, ids=[f for _, f in ELEMENTARY])
 def test_tangents_are_the_derivatives_that_sympy_finds(function: Callable[[Any], Any], formula: str) -> None:
     import sympy
