@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Generator, Iterator, Mapping
 from math import cos, inf, pi, sin
@@ -52,6 +53,19 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_xdist_auto_num_workers() -> int:
     """Take one process more than there are cores: those that wait for a browser or a server leave theirs idle."""
     return (os.cpu_count() or 1) + 1
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give whole files to each process, so that fixtures are made once, and of the programs on pages whole pages."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class ByFileOrPage(LoadFileScheduling):  # type: ignore[misc]
+        def _split_scope(self, nodeid: str) -> str:
+            page = re.search(r"\[([\w-]+\.md)-\d+\]$", nodeid)
+            return page[1] if page else str(super()._split_scope(nodeid))
+
+    return ByFileOrPage(config, log)
 
 
 @pytest.hookimpl(wrapper=True)

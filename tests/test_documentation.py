@@ -26,31 +26,57 @@ def programs(page: Path) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if programs(p)], ids=lambda p: p.name)
-def test_programs_run(page, tmp_path, monkeypatch):
-    """From top to bottom, as one program, in an empty folder; names of an earlier block serve the later ones."""
-    monkeypatch.chdir(tmp_path)
+def numbered() -> list[Any]:
+    return [
+        pytest.param(page, number, id=f"{page.name}-{number}")
+        for page in PAGES
+        for number in range(1, len(programs(page)) + 1)
+    ]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """Run a page from top to bottom as one program, in an empty folder, up to a block; earlier blocks run once."""
+    reached: dict[Path, tuple[int, Path, dict[str, object]]] = {}
+
+    def up_to(page: Path, last: int) -> None:
+        done, folder, names = reached.get(page) or (0, tmp_path_factory.mktemp("page"), {"__name__": "__main__"})
+        texts = alternative_texts(page)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(folder)
+            for number in range(done + 1, last + 1):
+                text = programs(page)[number - 1]
+                if text == SHOWN:
+                    names |= shown()[0]
+                else:
+                    executed(text, f"{page.name}, program {number}", names)
+                    assert len(plt.get_fignums()) == texts[number - 1], f"texts for figures, program {number}"
+                    plt.close("all")
+                reached[page] = number, folder, names
+
+    return up_to
+
+
+def executed(text: str, name: str, names: dict[str, object]) -> None:
+    """Run a program, and compare what it prints with the numbers of its comments."""
     printed: dict[int, str] = {}
 
     def kept(*values: object) -> None:
         line = sys._getframe(1).f_lineno
         printed[line] = f"{printed.get(line, '')} {' '.join(map(str, values))}"
 
-    names: dict[str, object] = {"__name__": "__main__", "print": kept}
-    texts = alternative_texts(page)
-    for number, text in enumerate(programs(page), 1):
-        if text == SHOWN:
-            names |= shown()[0]
-        else:
-            printed.clear()
-            exec(compile(text, f"{page.name}, program {number}", "exec"), names)
-            for line, numbers in promised(text).items():
-                found = [float(v) for v in re.findall(NUMBER, printed[line])]
-                for given in numbers:
-                    last = 10.0 ** -len(given.partition(".")[2])
-                    assert any(abs(v - float(given)) < 0.51 * last for v in found), (given, printed[line])
-        assert text == SHOWN or len(plt.get_fignums()) == texts[number - 1], f"texts for figures, program {number}"
-        plt.close("all")
+    names["print"] = kept
+    exec(compile(text, name, "exec"), names)
+    for line, numbers in promised(text).items():
+        found = [float(v) for v in re.findall(NUMBER, printed[line])]
+        for given in numbers:
+            last = 10.0 ** -len(given.partition(".")[2])
+            assert any(abs(v - float(given)) < 0.51 * last for v in found), (given, printed[line])
+
+
+@pytest.mark.parametrize(("page", "number"), numbered())
+def test_programs_run(page, number, run):
+    run(page, number)
 
 
 def alternative_texts(page: Path) -> list[int]:
