@@ -1,6 +1,6 @@
 """What programs on the pages import is there, and takes the arguments that they give: without running them.
 
-Programs that are quick run as well, in test_documentation.py; the others are slow tests.
+They run in test_documentation.py.
 """
 
 from __future__ import annotations
