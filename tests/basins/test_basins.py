@@ -185,7 +185,7 @@ def test_initial_conditions_with_missed_tolerance_are_counted_and_warned_of():
 
 
 def test_inaccurate_orbits_count_once_however_many_sweeps_there_are():
-    """Chaotic orbits that 16 steps a period do not resolve are undecided to the end, of three sweeps."""
+    """Chaotic orbits that 16 steps a period do not resolve are undecided to the end of the last of four sweeps."""
     system = ForcedSystem(
         lambda t, x, p: (x[1], x[0] - x[0] ** 3 + 0.3 * np.cos(t) - 0.02 * x[1]), {}, 2 * np.pi, ("x", "v")
     )
