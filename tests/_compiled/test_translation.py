@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import itertools
 import math
-from collections.abc import Callable
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,88 +14,51 @@ import pytest
 
 import cellmap._compiled.loops as loops
 from cellmap._compiled.loops import Loop, inlined, loop
+from tests._compiled.random_loops import AWKWARD, copied, imported
 
 # mypy: disable-error-code="no-untyped-def"
 
-AWKWARD = [0.0, -0.0, 1.0, -1.0, 0.5, -2.5, 3.75, 7.0, -7.0, 1e300, -1e-300, math.inf, -math.inf, math.nan]
 NUMBERS = [0, 1, -1, 2, 3, -3, 7, -8, 2**40, -(2**62)]
 
 
-@loop
-def of_floats(x, y, out):
-    out[0] = x + y
-    out[1] = x - y
-    out[2] = x * y
-    out[3] = min(x, y)
-    out[4] = max(x, y, 0.0)
-    out[5] = abs(x)
-    out[6] = -x
-    out[7] = 1.0 if x < y <= 2.0 else 2
-    out[8] = x < y or x != x
-    out[9] = not (x > 0.0 and y > 0.0)
-    out[10] = np.copysign(x, y)
-    if x:
-        out[11] = 1.0
-    elif y == y:
-        out[11] = 2.0
+FLOATS = """x + y|x - y|x * y|min(x, y)|max(x, y, 0.0)|abs(x)|-x|1.0 if x < y <= 2.0 else 2|x < y or x != x
+not (x > 0.0 and y > 0.0)|np.copysign(x, y)|1.0 if x else 2.0 if y == y else 0.0"""
+WHOLE = """x // y if y != 0 else 0|x % y if y != 0 else 0|x // 4 + x % 4|(x & y) | (x ^ 5)|x >> 3|(x & 255) << 7|abs(x)
+min(x, y) + max(x, 3)|-(-x // 8)|2 ** (x & 7)|np.int64(np.uint64(x & 1023) >> np.uint64(2))|(x > 0) + (y > 0)"""
+MATHEMATICS = "x % y|math.floor(x)|np.sqrt(abs(x))|np.log(abs(x) + 1.0)|abs(x) ** 1.5"
+MODERATE = [x for x in AWKWARD if math.isfinite(x) and abs(x) < 1e200]
+OPERATORS: list[tuple[str, Any, list[Any], list[Any], float]] = [
+    (FLOATS, float, AWKWARD, AWKWARD, 0.0),
+    (WHOLE, np.int64, NUMBERS, NUMBERS, 0.0),
+    (MATHEMATICS, float, MODERATE, [2.0, -2.0, 0.3], 4e-16),
+]
 
 
-@loop
-def of_whole_numbers(a, b, out):
-    out[0] = a // b if b != 0 else 0
-    out[1] = a % b if b != 0 else 0
-    out[2] = a // 4 + a % 4
-    out[3] = (a & b) | (a ^ 5)
-    out[4] = a >> 3
-    out[5] = (a & 255) << 7
-    out[6] = min(a, b) + max(a, 3)
-    out[7] = abs(a)
-    out[8] = -(-a // 8)
-    out[9] = 2 ** (a & 7)
-    out[10] = np.int64(np.uint64(a & 1023) >> np.uint64(2))
-    out[11] = (a > 0) + (b > 0)
+def differences(function: Loop, given: tuple[Any, ...], rtol: float = 0.0) -> list[tuple[Any, Any]]:
+    """Return results and arguments of compiled code that are not those of Python: without a tolerance, in any bit."""
+    own = copied(given)
+    returned = function(*own)
+    with np.errstate(all="ignore"):
+        expected = function.function(*given)
+    return [
+        (one, other)
+        for one, other in zip([returned, *own], [expected, *given], strict=True)
+        if one is not other and not (np.allclose(one, other, rtol=rtol, atol=0.0) if rtol else same(one, other))
+    ]
 
 
 def same(one: Any, other: Any) -> bool:
-    return np.array_equal(one, other, equal_nan=True) and np.array_equal(np.signbit(one), np.signbit(other))
+    return np.array_equal(one, other, equal_nan=True) and np.array_equal(np.signbit(1.0 * one), np.signbit(1.0 * other))
 
 
-def test_operators_of_floats() -> None:
-    for x in AWKWARD:
-        for y in AWKWARD:
-            found, expected = np.zeros(12), np.zeros(12)
-            of_floats(x, y, found)
-            with np.errstate(all="ignore"):
-                of_floats.function(x, y, expected)
-            assert same(found, expected), (x, y)
-
-
-def test_operators_of_whole_numbers() -> None:
-    for a in NUMBERS:
-        for b in NUMBERS:
-            found, expected = np.zeros(12, np.int64), np.zeros(12, np.int64)
-            of_whole_numbers(a, b, found)
-            of_whole_numbers.function(a, b, expected)
-            assert found.tolist() == expected.tolist(), (a, b)
-
-
-@loop
-def remainders(x, y, out):
-    out[0] = x % y
-    out[1] = math.floor(x)
-    out[2] = np.sqrt(abs(x))
-    out[3] = np.log(abs(x) + 1.0)
-    out[4] = abs(x) ** 1.5
-
-
-def test_functions_of_mathematics() -> None:
-    finite = [x for x in AWKWARD if math.isfinite(x) and abs(x) < 1e200]
-    for x in finite:
-        for y in (2.0, -2.0, 0.3):
-            found, expected = np.zeros(5), np.zeros(5)
-            remainders(x, y, found)
-            remainders.function(x, y, expected)
-            assert np.allclose(found, expected, rtol=4e-16, atol=0.0), (x, y)
+@pytest.mark.parametrize(("texts", "kind", "first", "second", "rtol"), OPERATORS, ids=["floats", "whole", "functions"])
+def test_operators(texts: str, kind: Any, first: Any, second: Any, rtol: float, tmp_path: Path) -> None:
+    expressions = re.split(r"(?<! )\|(?! )|\n", texts)
+    lines = [f"    out[{place}] = {one}" for place, one in enumerate(expressions)]
+    head = "import math\nimport numpy as np\nfrom cellmap._compiled.loops import loop\n@loop\ndef function(x, y, out):"
+    function = imported("\n".join([head, *lines]), tmp_path, "operators").function
+    for x, y in itertools.product(first, second):
+        assert differences(function, (x, y, np.zeros(len(lines), kind)), rtol) == [], (x, y)
 
 
 @inlined
@@ -128,15 +92,6 @@ def views(a, out):
     out[9:] = place
 
 
-@pytest.mark.parametrize("layout", [np.ascontiguousarray, np.asfortranarray, lambda a: np.repeat(a, 2, 1)[:, ::2]])
-def test_views(layout: Callable[[Any], Any]) -> None:
-    a = layout(np.arange(9.0).reshape(3, 3))
-    found, expected = np.zeros(11), np.zeros(11)
-    views(a, found)
-    views.function(a, expected)
-    assert found.tolist() == expected.tolist()
-
-
 @loop
 def stored(small, signed, truths, unsigned, single):
     for i in range(small.size):
@@ -146,17 +101,6 @@ def stored(small, signed, truths, unsigned, single):
         unsigned[i] |= np.uint64(1) << np.uint64(i + 60)
         single[i] = 0.5 * single[i]
     return small[0] + signed[1] + truths[2]
-
-
-def test_elements_of_every_size() -> None:
-    def arrays() -> list[Any]:
-        kinds = (np.uint8, np.int16, bool, np.uint64, np.float32)
-        return [np.array([0, 1, 1, 0]).astype(kind) for kind in kinds]
-
-    found, expected = arrays(), arrays()
-    assert stored(*found) == stored.function(*expected)
-    for one, other in zip(found, expected, strict=True):
-        assert one.tolist() == other.tolist()
 
 
 @loop
@@ -170,11 +114,6 @@ def newton(x):
         root = better
 
 
-def test_a_variable_that_begins_as_a_whole_number() -> None:
-    for x in (2.0, 9.0, 1e10):
-        assert newton(x) == pytest.approx(math.sqrt(x), rel=1e-15)
-
-
 @loop
 def swapped(n):
     one, other = np.zeros(n), np.ones(n, np.float64)
@@ -186,8 +125,24 @@ def swapped(n):
     return 100.0 * one[0] + other[0]
 
 
-def test_memory_of_a_loop() -> None:
-    assert swapped(4) == swapped.function(4) == 502.0
+NINE = np.arange(9.0).reshape(3, 3)
+KINDS = (np.uint8, np.int16, bool, np.uint64, np.float32)
+CALLS: list[tuple[Loop, tuple[Any, ...]]] = [
+    *((views, (a, np.zeros(11))) for a in (NINE, np.asfortranarray(NINE), np.repeat(NINE, 2, 1)[:, ::2])),
+    (stored, tuple(np.array([0, 1, 1, 0]).astype(kind) for kind in KINDS)),
+    *((newton, (x,)) for x in (2.0, 9.0, 1e10)),
+    (swapped, (4,)),
+]
+
+
+@pytest.mark.parametrize(("function", "given"), CALLS)
+def test_functions(function: Loop, given: tuple[Any, ...]) -> None:
+    assert differences(function, given) == []
+
+
+def test_values_that_are_known() -> None:
+    assert swapped(4) == 502.0
+    assert [newton(x) for x in (2.0, 9.0, 1e10)] == pytest.approx([math.sqrt(2.0), 3.0, 1e5], rel=1e-15)
     with pytest.raises(MemoryError):
         swapped(2**61)
 
@@ -206,42 +161,40 @@ def test_bounds_are_checked_where_that_is_asked_for(monkeypatch: pytest.MonkeyPa
             checked(np.arange(3.0), place)
 
 
-def written(function: Callable[..., Any]) -> Loop:
-    return Loop(function)
+def mixed(a):
+    return np.uint64(3) + a
 
 
-def test_what_is_not_in_the_language_is_refused_with_its_line() -> None:
-    def mixed(a):
-        return np.uint64(3) + a
+def filled(a):
+    a[0] = 1.5
 
-    def filled(a):
-        a[0] = 1.5
 
-    def unknown(a):
-        return sorted(a)
+def unknown(a):
+    return sorted(a)
 
-    def changing(a):
-        b = a
-        if a[0] > 0.0:
-            b = 1.0
-        return b
 
-    for function, given, said in [
-        (mixed, 3, "say which of them is to be converted"),
-        (filled, np.zeros(2, np.int64), "say how it is to be converted"),
-        (unknown, np.zeros(2), "sorted is not in the language"),
-        (changing, np.zeros(2), "one variable receives values of the kinds"),
-    ]:
-        with pytest.raises(TypeError, match=rf"test_translation\.py:\d+: .*{said}"):
-            written(function)(given)
-    read_only = np.zeros(2, np.int64)
-    read_only.flags.writeable = False
+def changing(a):
+    b = a
+    if a[0] > 0.0:
+        b = 1.0
+    return b
 
-    def write(a):
-        a[0] = 1
 
-    with pytest.raises(TypeError, match="read-only"):
-        written(write)(read_only)
+READ_ONLY = np.zeros(2)
+READ_ONLY.flags.writeable = False
+REFUSED = [
+    (mixed, 3, r"test_translation\.py:\d+: .*say which of them is to be converted"),
+    (filled, np.zeros(2, np.int64), r"test_translation\.py:\d+: .*say how it is to be converted"),
+    (unknown, np.zeros(2), r"test_translation\.py:\d+: .*sorted is not in the language"),
+    (changing, np.zeros(2), r"test_translation\.py:\d+: .*one variable receives values of the kinds"),
+    (filled, READ_ONLY, "read-only"),
+]
+
+
+@pytest.mark.parametrize(("function", "given", "said"), REFUSED)
+def test_what_is_not_in_the_language_is_refused_with_its_line(function: Any, given: Any, said: str) -> None:
+    with pytest.raises(TypeError, match=said):
+        Loop(function)(given)
 
 
 def test_a_file_that_was_changed_after_it_was_imported_is_not_compiled(
