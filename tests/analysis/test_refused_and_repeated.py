@@ -91,7 +91,7 @@ REFUSED = [
     # --- dimensions and entropy
     (lambda: fractal.boundary_dimension(np.full((50, 50), 0.5)), "basins holds 0.5: labels are whole numbers"),
     (lambda: fractal.boundary_dimension(np.zeros((50, 50), int)), "no two basins meet"),
-    (lambda: fractal.boundary_dimension(np.eye(6, dtype=int)), "sizes of boxes lie between"),
+    (lambda: fractal.boundary_dimension(np.eye(6, dtype=int)), "sizes of boxes lie between.*cells, or lattice"),
     (lambda: fractal.boundary_dimension(EYE, sizes=[1, 2, 4], lattice=2), "multiples of lattice=2"),
     (lambda: fractal.boundary_dimension(single()), "give basins on a grid"),
     (lambda: fractal.basin_entropy(MIXED, box_size=400), "fit into"),

@@ -228,6 +228,13 @@ def test_figures(pendulum: Basins) -> None:
         plot.manifolds([])
 
 
+def test_a_curve_ends_where_the_map_jumps():
+    """x doubles, and beyond 0.3 jumps by 0.7 as well, which no points in between resolve."""
+    torn = discrete_map(lambda x, p: (2 * x[0] + (0.7 if x[0] > 0.3 else 0.0), 0.5 * x[1]), {}, ("x", "y"))
+    found = saddle_manifold(torn, periodic_orbit(torn, [0.0, 0.0]), "unstable", CellGrid((-2, -1), (2, 1), (1, 1)))
+    assert {np.sign(finite(b.points)[-1, 0]): b.ended for b in found.branches} == {1.0: "resolution", -1.0: "window"}
+
+
 @pytest.mark.parametrize("mu", [1.2, 2.0, 3.0])
 @pytest.mark.parametrize("kind", ["unstable", "stable"])
 def test_a_separatrix_that_returns_to_its_saddle_ends_there(mu, kind):

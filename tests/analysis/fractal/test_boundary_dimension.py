@@ -229,6 +229,16 @@ def test_images_that_every_other_cell_does_not_show():
     for labels in (board, spot):
         with pytest.raises(ValueError, match="saturate at either end"):
             boundary_dimension(labels)
+    # A strand of one cell, which every other cell misses in boxes of any size; no larger ones tell so of the largest.
+    strand = np.where(np.arange(64)[:, None] == 31, 1, np.zeros((64, 64), int))
+    found = boundary_dimension(strand, fit_range=(1, 16))
+    assert found.sizes[found.missed > 0.9].tolist() == [8, 4, 2, 1]
+
+
+def test_boxes_are_as_wide_as_a_quarter_of_the_image_at_most():
+    """An edge along 1,000 of 65 x 1,000 cells: four boxes of 16 cells lie side by side, and two of 32."""
+    found = boundary_dimension(np.repeat([0, 1], [30, 35])[:, None] + np.zeros((65, 1000), int))
+    assert found.sizes[found.usable].tolist() == [16, 8, 4, 2, 1]
 
 
 def test_boundary_on_the_branch_cut_of_a_circle_is_seen():

@@ -12,6 +12,7 @@ from cellmap import angle, set_threads
 from cellmap._lib.fit import scaling_windows, window_spread, with_drift
 from cellmap.analysis import fit_line
 from cellmap.analysis.fractal import BoxCount, box_dimension
+from cellmap.analysis.fractal.box_counting import straightened
 from studies.known_fractals import (
     CANTOR,
     KOCH,
@@ -181,6 +182,19 @@ def test_manual_window():
     assert "BoxCount(dimension 1.2" in repr(found)
 
 
+def test_the_error_has_the_slope_of_what_is_missed_at_most():
+    """Counts 1/s on a line: with as many boxes of two points as of one, as many as these may be missed, s**0.5 / 10."""
+    sizes = 0.5 ** np.arange(4, 10)
+    missed = sizes**0.5 / 10
+    ones = missed / (1 - missed) / sizes
+    sure, unsure = (
+        straightened(sizes, np.stack([1 / sizes, f, f], axis=1), np.zeros(6), np.zeros((1, 6)), 1, None)[0].fit
+        for f in (np.zeros(6), ones)
+    )
+    slope = np.polyfit(np.log(sizes), np.log(1 - missed), 1)[0]
+    assert unsure.standard_error == pytest.approx(np.hypot(sure.standard_error, slope), rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -188,7 +202,10 @@ def test_manual_window():
         ({"points": np.zeros((5, 2))}, "all of them are the same"),
         ({"points": np.zeros(5)}, "one point a row"),
         ({"points": [[0.0], [np.nan]]}, "remove"),
-        ({"points": [[0.0], [1.0], [2.0]]}, "0 sizes of boxes lie between.*choose sizes= and fit_range="),
+        (
+            {"points": [[0.0], [1.0], [2.0]]},
+            "0 sizes of boxes lie between.*more points, or choose sizes= and fit_range=",
+        ),
         ({"points": line(999), "sizes": [0.1, 0.2]}, "at least three different positive sizes"),
         ({"points": line(999), "fit_range": (0.3, 0.31)}, "fit_range=.* contains 0 sizes"),
         ({"points": line(999), "scale": -1.0}, "positive length"),

@@ -10,6 +10,7 @@ import pytest
 import systems
 from cellmap import CellGrid, find_basins, plot
 from cellmap.analysis.fractal import basin_entropy, fractal_boundary_test, smooth_boundary_entropy
+from cellmap.analysis.fractal.randomness_test import _clustered_error
 from cellmap.analysis.fractal.uncertainty_fits import SMOOTH
 
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in (1, 2))]
@@ -153,6 +154,10 @@ def test_errors_count_discs_that_lie_together_once():
     found = fractal_boundary_test(labels, radius=8)
     alone = found.entropies.std(ddof=1) / np.sqrt(len(found.entropies))
     assert 2.0 * alone < found.standard_error < 0.1
+    # Over two parts of one value each it is that of two values, and as large if each value comes twice.
+    for n, error in ((1, 0.5), (2, 0.5)):
+        places, values = np.repeat([[8, 8], [390, 390]], n, axis=0), np.repeat([0.0, 1.0], n)
+        assert _clustered_error(places, values, (400, 400), 8.0) == pytest.approx(error)
 
 
 def test_fractal_boundaries(grebogi):
