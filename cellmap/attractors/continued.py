@@ -15,9 +15,10 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind, Neighbourhood, sort_key
 from ..orbits.ellipsoids import half_widths
 from ..orbits.newton import newton, stable_orbit
+from .given import check_coordinates
 from .matching import attractor_distance
 from .quasiperiodic import quasiperiodic_attractors
-from .search import check_attractors, neighbourhood_of, region_extent
+from .search import neighbourhood_of, region_extent
 from .settling import Catalogue
 from .trapping import extent_of_motion
 
@@ -62,7 +63,7 @@ def continue_attractors(
     >>> [round(float(a.points[0, 0]), 4) for a in continue_attractors(wells.with_params(a=1.6), before)]
     [0.8906, -0.8906]
     """
-    check_attractors(attractors, point_map, "attractors")
+    check_coordinates(attractors, point_map, "attractors")
     orbits = [a for a in attractors if is_followed(a)]
     circles = [a for a in attractors if a.kind is Kind.QUASIPERIODIC]
     if not orbits and not circles:

@@ -26,6 +26,7 @@ from .continua import closed_orbits, continua, joined_continua
 from .creeping import creeping, drawn_to
 from .equilibria import sticking_sets
 from .examined import LOOKED_AT, Examined, guesses_of
+from .given import check_attractors
 from .labels import LABEL_NAMES, Label
 from .lyapunov_regions import Afford, always
 from .quasiperiodic import long_cycle, quasiperiodic_attractors
@@ -237,16 +238,6 @@ def _nothing_found(labels: Ints, reasons: Sequence[Reason], max_periods: int) ->
         return f"{text}; take initial conditions whose orbits stay"
     cause, count = Counter(reasons).most_common(1)[0]
     return f"{text}; {count} of {len(reasons)} examined: {cause}; {REMEDIES[cause].format(max_periods)}"
-
-
-def check_attractors(attractors: Sequence[Attractor], point_map: PointMap, name: str) -> None:
-    """Refuse what is not a sequence of attractors of this map's coordinates."""
-    if isinstance(attractors, Attractor | str) or not all(isinstance(a, Attractor) for a in attractors):
-        raise TypeError(f"{name}={attractors!r}: give a sequence of Attractor, such as other basins' attractors")
-    for a in attractors:
-        if a.coordinates != point_map.coordinates:
-            theirs, ours = (", ".join(map(str, c)) for c in (a.coordinates, point_map.coordinates))
-            raise ValueError(f"{name} holds an attractor in ({theirs}), and the map is one of ({ours})")
 
 
 def sort_out(

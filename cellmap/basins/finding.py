@@ -17,7 +17,8 @@ from .._lib.files import as_checkpoint, locked
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
 from .._lib.tiles import check_client
-from ..attractors.search import affordable_period, check_attractors
+from ..attractors.given import check_attractors
+from ..attractors.search import affordable_period
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..maps.small_states import ORBITS, warn_of_small_states_ahead

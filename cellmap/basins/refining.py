@@ -17,8 +17,9 @@ from .._lib.checks import finite_number, one_point, whole_number
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
+from ..attractors.given import check_attractors
 from ..attractors.labels import Label
-from ..attractors.search import affordable_period, check_attractors
+from ..attractors.search import affordable_period
 from ..maps.coordinates import difference
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap

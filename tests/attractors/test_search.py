@@ -254,3 +254,18 @@ def test_curves_are_looked_for_at_the_end_or_where_orbits_are_mature(monkeypatch
         left, found, *_ = search.sort_out(turning, orbits, [], 4, extent, age, examined, patient=patient, last=last)
         assert calls == ([f"slow {last}", "continua"] if looked_for else [])
         assert len(left) == 2 and found == []
+
+
+def test_attractors_of_another_map_are_refused_by_one_image():
+    """The wells of x -> 1.5 x - x^3 are at +-sqrt(0.5), and no image of another map stays there."""
+    wells = discrete_map(lambda x, p: (p.a * x[0] - x[0] ** 3,), {"a": 1.5}, ("x",))
+    henon = discrete_map(lambda x, p: (1 - p.a * x[0] ** 2 + x[1], 0.3 * x[0]), {"a": 1.4}, ("x", "y"))
+    two = find_attractors(wells, [[-1.0], [1.0]])
+    for other, found, states in (
+        (wells.with_params(a=0.8), two, [[-1.0], [1.0]]),
+        (wells.with_params(a=1.2), two, CellGrid((-1.0,), (1.0,), (50,))),
+        (henon.with_params(a=1.0), find_attractors(henon, [[0.0, 0.0]]), [[0.0, 0.0]]),
+    ):
+        with pytest.raises(ValueError, match="no attractor of this map: it takes its points elsewhere"):
+            find_basins(other, states, attractors=found)
+    assert find_attractors(wells.with_params(a=1.5), [[-1.0]], attractors=two) == two

@@ -15,7 +15,7 @@ from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ..._lib.threads import progress_bar, run_over, slices
 from ...attractors.boxes import inside_cover
-from ...attractors.search import check_attractors
+from ...attractors.given import check_attractors
 from ...attractors.settling import Catalogue
 from ...maps.coordinates import Coordinate, wrap
 from ...maps.grid import CellGrid

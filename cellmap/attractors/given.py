@@ -1,0 +1,61 @@
+"""Attractors that are handed to a function: whether they are of its map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..maps.coordinates import difference
+from ..maps.orbit_batch import Orbits
+from ..maps.point_map import PointMap
+from ..orbits.attractor import Attractor
+from .boxes import inside_cover
+
+_OFF = 0.1  # radii of a trapping region between an image and the next point, from which on another map has made them
+_INSIDE = 0.99  # of the images of a sample are in the boxes of their attractor, which reach beyond where orbits went
+
+
+def check_coordinates(attractors: Sequence[Attractor], point_map: PointMap, name: str) -> None:
+    """Refuse what is not a sequence of attractors of this map's coordinates."""
+    if isinstance(attractors, Attractor | str) or not all(isinstance(a, Attractor) for a in attractors):
+        raise TypeError(f"{name}={attractors!r}: give a sequence of Attractor, such as other basins' attractors")
+    for a in attractors:
+        if a.coordinates != point_map.coordinates:
+            theirs, ours = (", ".join(map(str, c)) for c in (a.coordinates, point_map.coordinates))
+            raise ValueError(f"{name} holds an attractor in ({theirs}), and the map is one of ({ours})")
+
+
+def check_attractors(attractors: Sequence[Attractor], point_map: PointMap, name: str) -> None:
+    """Refuse what is not a sequence of attractors of this map, by one image of each of their points.
+
+    Raises
+    ------
+    TypeError
+        If one is no attractor.
+    ValueError
+        If one is in other coordinates, or the map takes its points elsewhere.
+    """
+    check_coordinates(attractors, point_map, name)
+    for a in attractors:
+        if not _is_of(a, point_map.without_table):
+            raise ValueError(
+                f"{name} holds {a!r}, which is no attractor of this map: it takes its points elsewhere; give "
+                "attractors found for the same parameters, or follow these with continue_attractors"
+            )
+
+
+def _is_of(attractor: Attractor, exact: PointMap) -> bool:
+    """Tell whether a map takes the points of an attractor to its next points, or into its boxes."""
+    orbits = Orbits.starting(attractor.points.copy())
+    exact.advance(orbits, 1)
+    if not orbits.alive.all():
+        return False
+    region = attractor.neighbourhood
+    if attractor.symmetry is None and region is not None and len(region.centres) == attractor.period > 0:
+        off = difference(orbits.points, np.roll(attractor.points, -1, axis=0), attractor.coordinates)
+        metrics = np.roll(region.metrics, -1, axis=0)
+        return bool(np.einsum("mi,mij,mj->m", off, metrics, off).max() <= _OFF**2)
+    if attractor.cover is not None:
+        return bool(inside_cover(attractor.cover, orbits.points, exact).mean() >= _INSIDE)
+    return True
