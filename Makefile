@@ -89,7 +89,7 @@ test: env
 	$(RUN) -m pytest -n auto --dist loadfile
 
 test-thorough: env
-	$(RUN) -m pytest -n auto --dist loadfile -m thorough
+	$(RUN) -m pytest -n auto --dist worksteal -m thorough
 
 test-all: env
 	$(RUN) -m pytest -n auto --dist loadfile -m ""
