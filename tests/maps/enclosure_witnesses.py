@@ -1,13 +1,11 @@
-"""Integration in extended precision (64 bits of mantissa), which shares nothing with the library; texts left out.
+"""Integration in extended precision (64 bits of mantissa), which shares nothing with the library.
 
 Extrapolated midpoint rule (Gragg 1965; Bulirsch and Stoer 1966): plain arithmetic on arrays of long doubles.
 """
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Sequence
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -43,12 +41,3 @@ def _midpoint(rhs: Callable[[Any, Vector], Vector], t: Any, state: Vector, size:
         before, now = now, [u + 2 * h * v for u, v in zip(before, rhs(t + k * h, now), strict=True)]
     last = rhs(t + size, now)
     return [(u + w + h * v) / 2 for u, w, v in zip(before, now, last, strict=True)]
-
-
-def rewritten(module: ModuleType, name: str, part: str, other: str) -> Any:
-    """Return a member of a module with a part of its text, which occurs once, replaced by another one."""
-    source = inspect.getsource(getattr(module, name))
-    assert source.count(part) == 1
-    names = dict(vars(module))
-    exec("from __future__ import annotations\n" + source.replace(part, other), names)
-    return names[name]

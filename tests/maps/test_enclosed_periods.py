@@ -11,14 +11,12 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
-from enclosure_witnesses import LONG, extrapolated, rewritten
+from enclosure_witnesses import LONG, extrapolated
 from test_enclosures import formula
 from two_tiers import at_once
 
 from cellmap import ForcedSystem, PointMap, set_threads, stroboscopic_map
-from cellmap._compiled.codegen import enclosing_steps, flow_enclosures, moving_frames, picard
-from cellmap._compiled.codegen.instructions import total
-from cellmap._compiled.codegen.intervals import Interval
+from cellmap._compiled.codegen import flow_enclosures, picard
 from cellmap._compiled.kernels.parallelepipeds import Sets
 from cellmap.basins.proofs.orbits_of_sets import sets_of
 from cellmap.maps import enclosed_periods, enclosures, followed_boxes
@@ -264,87 +262,33 @@ def test_any_number_of_threads_and_code_compiled_quickly_or_well_give_the_same_b
         assert np.array_equal(forms.derivative_radii, found[0].derivative_radii)
 
 
-def zero(value: Any) -> Any:
-    return value * 0.0
-
-
-def no_rest(self: Any, series: Any, rest: Any, j: int) -> Any:
-    return total(list(reversed(series.states[j])))
-
-
-LEFT_OUT: dict[str, tuple[Any, str, Any]] = {
-    "the remainder of a series": (enclosing_steps.FirstOrderStep, "_summed", no_rest),
-    "errors from before a step": (
-        moving_frames.Errors,
-        "sizes",
-        lambda self, rows: [zero(self.lanes.number(self.box, k).m) for k in rows],
-    ),
-    "errors of a step": (moving_frames.Frame, "sizes", lambda self, radii: [zero(r) for r in radii]),
-    "the time that a step takes": (flow_enclosures, "widened", lambda first, *others: zero(first)),
-    "the way of the states in a step": (enclosing_steps, "a_priori_set", lambda lanes, series, start, *others: start),
-    "the size of the set": (
-        enclosing_steps.FirstOrderStep,
-        "_around",
-        lambda self, radii: (
-            [Interval(self.code, p.m, zero(r)) for p, r in zip(self.x, radii, strict=True)] + self.identity
-        ),
-    ),
-}
-
-
-@pytest.mark.parametrize("what", at_once([None], later=LEFT_OUT))
-def test_every_part_of_a_step_is_needed(what: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(enclosed_periods, "_ORDERS", (2,))
-    monkeypatch.setattr(enclosed_periods, "_REMAINDER", 100.0)
-    if what is not None:
-        monkeypatch.setattr(*LEFT_OUT[what])
-    forced = what == "the time that a step takes"
-    text = f"x * x + 0.5 * y, {'cos(p.w * t)' if forced else '0.0 * t'} - 0.3 * x"
-    values = PARAMETERS | {"w": 10.0}  # a quarter of a period in each step
-    rng, centres = np.random.default_rng(0), np.random.default_rng(1).uniform(-0.5, 0.5, (32, 2))
-    halves = np.repeat([0.1, 0.01, 1e-3, 1e-4], 8)[:, None] * np.ones(2)
-    forms = enclosed_images(flow_of(text, **values), centres, halves)
-    with np.errstate(all="ignore"):
-        worst = worst_of(forms, text, centres, halves, rng, values)
-    assert worst <= 1.0 if what is None else worst > 1.0
-
-
-SECOND_LEFT_OUT = {
-    "bends of a step": ("*zip(second[i], squares[p], strict=True), ", ""),
-    "bends from before": (", *((near[i][k], bends[k][p]) for k in d)", ""),
-    "errors of bends in the result": ("bent[i][p].m, bounds[p][i])", "bent[i][p].m)"),
-    "bends in spreads": ("products(reach, halves), ", ""),
-    "bends in derivatives": (", products([reach[number[j, k]] for k in d], w)", ""),
-    "errors of images in spreads": ("halves), off[i])", "halves))"),
-    "bends in the size of the set": ("products([entry.reach for entry in curved[i]], halves),", ""),
-    "errors of bends from before": ("hulls[p][i])", "0.0 * hulls[p][i])"),
-}
-
-
-@pytest.mark.parametrize("what", at_once([None], later=SECOND_LEFT_OUT))
-def test_every_part_of_second_order_is_needed(what: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Points of boxes are outside without it, or solutions that end within the period are said to be enclosed."""
-    monkeypatch.setattr(enclosed_periods, "_REMAINDER", 1.0)
-    with_second_derivatives(monkeypatch)
-    if what is not None:
-        changed = rewritten(enclosing_steps, "SecondOrderStep", *SECOND_LEFT_OUT[what])
-        monkeypatch.setattr(flow_enclosures, "SecondOrderStep", changed)
-    wrong, late = False, list(SECOND_LEFT_OUT)[-2:]
-    if what not in late:
-        text, values, rng = "x * x + 0.0 * t, -0.3 * y", PARAMETERS | {"w": 10.0}, np.random.default_rng(0)
-        centres = np.random.default_rng(1).uniform(-0.5, 0.5, (12, 2))
-        halves = np.repeat([0.3, 0.1, 1e-3], 4)[:, None] * np.ones(2)
-        forms = enclosed_images(flow_of(text, **values), centres, halves)
-        wrong = worst_of(forms, text, centres, halves, rng, values, 8) > 1.0
-    if what in (None, *late):
-        # From (0.8, 0) on, y grows beyond all bounds within 1.93 units of time; the period is 2.09.
-        ends = flow_of("0.0 * t, x * x * x + y * y * y", w=3.0)
-        wrong |= bool(enclosed_images(ends, [[0.0, 0.0]], [[0.8, 8e-3]]).proved.any())
-    assert wrong == (what is not None)
-
-
 def test_a_solution_that_ends_within_a_step_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     runaway, centre, half = "x * x, -y + 0.0 * t", [[0.1999, 0.0]], [1e-3, 1e-3]  # ends at the time 1/x, after 5
     assert not enclosed_images(flow_of(runaway), centre, half).proved.any()
     monkeypatch.setattr(picard, "_is_inside", lambda a, b: a.r >= 0.0)
     assert enclosed_images(flow_of(runaway), centre, half).proved.any()
+
+
+@pytest.mark.parametrize("force", at_once(["0.0 * t"], later=["cos(p.w * t)"]))
+def test_boxes_of_many_sizes_in_long_steps_of_low_order(force: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What series leave out, errors from before, the time and the way of a step, and the size of the set all count."""
+    monkeypatch.setattr(enclosed_periods, "_ORDERS", (2,))
+    monkeypatch.setattr(enclosed_periods, "_REMAINDER", 100.0)
+    text, values = f"x * x + 0.5 * y, {force} - 0.3 * x", PARAMETERS | {"w": 10.0}  # a quarter of a period a step
+    rng, centres = np.random.default_rng(0), np.random.default_rng(1).uniform(-0.5, 0.5, (32, 2))
+    halves = np.repeat([0.1, 0.01, 1e-3, 1e-4], 8)[:, None] * np.ones(2)
+    forms = enclosed_images(flow_of(text, **values), centres, halves)
+    assert worst_of(forms, text, centres, halves, rng, values) <= 1.0
+
+
+def test_large_boxes_by_second_derivatives_in_long_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From (0.8, 0) on, y' = x^3 + y^3 grows beyond all bounds within 1.93 units of time; the period is 2.09."""
+    monkeypatch.setattr(enclosed_periods, "_REMAINDER", 1.0)
+    with_second_derivatives(monkeypatch)
+    text, values, rng = "x * x + 0.0 * t, -0.3 * y", PARAMETERS | {"w": 10.0}, np.random.default_rng(0)
+    centres = np.random.default_rng(1).uniform(-0.5, 0.5, (12, 2))
+    halves = np.repeat([0.3, 0.1, 1e-3], 4)[:, None] * np.ones(2)
+    forms = enclosed_images(flow_of(text, **values), centres, halves)
+    assert worst_of(forms, text, centres, halves, rng, values, 8) <= 1.0
+    ends = flow_of("0.0 * t, x * x * x + y * y * y", w=3.0)
+    assert not enclosed_images(ends, [[0.0, 0.0]], [[0.8, 8e-3]]).proved.any()
