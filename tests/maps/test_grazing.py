@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from test_impacts import STRUCK
 from two_tiers import at_once
 
 from cellmap import CellGrid, ForcedSystem, continue_orbit, find_basins, stroboscopic_map
@@ -16,15 +17,8 @@ from cellmap.maps import Impact, grazing_distance, jacobian
 from cellmap.maps.grazing import contacts
 from cellmap.orbits import periodic_orbit
 
-WALL = Impact(lambda t, x, p: p.gap - x[0], lambda t, x, p: (x[0], -p.e * x[1]))
-FREE = ForcedSystem(lambda t, x, p: (x[1], -x[0]), {"gap": 1.0, "e": 0.8}, 2 * pi, ("q", "v"), impacts=[WALL])
-FORCED = ForcedSystem(
-    lambda t, x, p: (x[1], -x[0] - 2 * p.damping * x[1] + p.force * cos(p.omega * t)),
-    {"damping": 0.1, "force": 1.0, "omega": 0.8, "gap": 1.0, "e": 0.7},
-    lambda p: 2 * pi / p.omega,
-    ("q", "v"),
-    impacts=[WALL],
-)
+FREE = STRUCK.with_params(damping=0.0, force=0.0, omega=1.0, wall=1.0, e=0.8)
+FORCED = STRUCK.with_params(damping=0.1, wall=1.0)
 AMPLITUDE = 1.0 / sqrt((1 - 0.8**2) ** 2 + (2 * 0.1 * 0.8) ** 2)
 
 
@@ -59,8 +53,8 @@ def test_impact_at_a_small_velocity(speed):
 @pytest.mark.parametrize(("beyond", "grazes"), [(1e-3, False), (1e-5, False), (1e-6, True), (0.0, True)])
 def test_periodic_orbit_that_grazes(beyond, grazes):
     """The wall stands where the linear oscillator turns round, or a part of its amplitude behind that."""
-    exact = stroboscopic_map(FORCED.with_params(gap=AMPLITUDE * (1 + beyond)), rtol=1e-12, atol=1e-12)
-    linear = stroboscopic_map(FORCED.with_params(gap=10.0))
+    exact = stroboscopic_map(FORCED.with_params(wall=AMPLITUDE * (1 + beyond)), rtol=1e-12, atol=1e-12)
+    linear = stroboscopic_map(FORCED.with_params(wall=10.0))
     orbit = periodic_orbit(exact, periodic_orbit(linear, [0.0, 0.0]).points[0])
     assert orbit.grazing_distance == pytest.approx(beyond / (2 + beyond), rel=1e-5, abs=1e-12)
     assert orbit.grazes is grazes
@@ -75,7 +69,9 @@ def test_distance_over_several_periods():
 
 
 def test_attractors_keep_it_in_files(tmp_path):
-    basins = find_basins(stroboscopic_map(FORCED.with_params(gap=AMPLITUDE * 1.01)), CellGrid((-1, -1), (1, 1), (4, 4)))
+    basins = find_basins(
+        stroboscopic_map(FORCED.with_params(wall=AMPLITUDE * 1.01)), CellGrid((-1, -1), (1, 1), (4, 4))
+    )
     (near,) = (a for a in basins.attractors if a.grazing_distance < 0.01)
     assert near.grazing_distance == pytest.approx(0.01 / 2.01, rel=1e-4)
     save_basins(basins, tmp_path / "near.h5")

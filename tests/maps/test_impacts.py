@@ -153,14 +153,6 @@ def test_derivative_is_that_of_differences(system, place, error):
     assert jacobian(exact, place) == pytest.approx(differences, abs=error)
 
 
-def test_same_bits_in_any_company():
-    """An image does not depend on the lanes beside it."""
-    places = np.random.default_rng(1).uniform(-1.5, 0.5, (37, 2))
-    exact = stroboscopic_map(STRUCK)
-    together = exact(places)
-    assert all((exact(place) == image).all() for place, image in zip(places, together, strict=True))
-
-
 @pytest.mark.thorough
 def test_campaign_of_impact_oscillators():
     """Random parameters and initial conditions against SciPy: no OK with an error above ten tolerances."""

@@ -8,8 +8,6 @@ from math import pi, sin, sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from maps_to_interpolate import COARSE, NONSMOOTH, ORDERS, SMOOTH, errors_at, exact_map, interpolated
 from two_tiers import at_once
 
@@ -27,6 +25,12 @@ from cellmap import (
 )
 from cellmap.maps import rebuild_map
 from cellmap.maps.interpolation.interpolated import table_memory
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> PointMap:
+    return stroboscopic_map(systems.driven_pendulum(), rtol=1e-12, atol=1e-12)
+
 
 # --- order of convergence
 
@@ -81,32 +85,6 @@ def test_partial_arc_of_an_angle(arc):
     assert (icm.iterate(outside, 1).status == Status.ESCAPED).all()
 
 
-@given(lower=st.floats(-20, 20), theta=st.floats(-50, 50), v=st.floats(-1, 1), rotations=st.integers(-3, 3))
-def test_angles_wrap_whatever_the_cut_of_the_grid(lower, theta, v, rotations):
-    icm = _cylinder_from(lower)
-    image = icm.iterate([theta, v], 1)
-    rotated = icm.iterate([theta + 2 * pi * rotations, v], 1)
-    exact = icm.exact.iterate([theta, v], 1)
-    assert -pi <= image.points[0] < pi
-    # At the cut of the angle two images may lie at both of its sides.
-    for other in (rotated, exact):
-        shift = (image.points[0] - other.points[0] + pi) % (2 * pi) - pi
-        assert shift == pytest.approx(0.0, abs=1e-7)
-        assert image.points[1] == pytest.approx(other.points[1], abs=1e-7)
-
-
-_CYLINDERS: dict[float, PointMap] = {}
-
-
-def _cylinder_from(lower: float) -> PointMap:
-    """An interpolation grid whose angle begins at one of a few places within one and a half periods."""
-    place = round(lower * 0.4, 0) / 1.7
-    if place not in _CYLINDERS:
-        grid = CellGrid((place, -1.0), (place + 2 * pi, 1.0), (48, 24))
-        _CYLINDERS[place] = interpolated_map(exact_map("cylinder"), grid)
-    return _CYLINDERS[place]
-
-
 # --- leaving the window
 
 
@@ -119,19 +97,6 @@ def test_orbits_that_leave_have_escaped_for_ever():
     assert np.array_equal(np.isnan(orbit.points).all(axis=-1), gone)
     assert np.array_equal(np.isnan(orbit.points).any(axis=-1), gone)
     assert orbit.points[:5, 0, 0] == pytest.approx(0.05 + 0.3 * np.arange(5), abs=1e-12)
-
-
-@pytest.mark.parametrize("name", SMOOTH)
-def test_the_exact_map_carries_orbits_outside(name):
-    lower, upper = map(np.array, SMOOTH[name][2])
-    shape = tuple(2 * n for n in SMOOTH[name][3][5])
-    icm = interpolated(name, shape, outside="integrate")
-    middle, half = (lower + upper) / 2, (upper - lower) / 2
-    initial_conditions = middle + half * np.random.default_rng(3).uniform(-3.0, 3.0, (200, len(half)))
-    exact = icm.exact.iterate(initial_conditions, 4)
-    image = icm.iterate(initial_conditions, 4)
-    assert np.array_equal(image.status, exact.status)
-    assert image.unwrapped == pytest.approx(exact.unwrapped, rel=1e-5, abs=1e-4)
 
 
 # --- the measured error
@@ -154,20 +119,11 @@ def test_error_is_the_known_error_of_a_parabola():
     assert error.median == pytest.approx(scale * 3 / 16, rel=0.01)
 
 
-def test_error_is_reproducible(interpolated_pendulum):
-    first, again, other = (
-        interpolated_pendulum.error(500),
-        interpolated_pendulum.error(500),
-        interpolated_pendulum.error(500, rng=1),
-    )
-    assert (first.median, first.percentile_99, first.largest) == (again.median, again.percentile_99, again.largest)
-    assert first.median != other.median
-
-
 @pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
 def test_error_counts_the_points_that_have_an_image():
     icm = interpolated("line", (100,), outside="escape")
-    assert icm.error(1000).points == 1000
+    first, again, other = icm.error(1000), icm.error(1000), icm.error(1000, rng=1)
+    assert first.points == 1000 and repr(first) == repr(again) and first.median != other.median
     exact = discrete_map(lambda x, p: (sqrt(x[0]),), {}, ("x",))
     half = interpolated_map(exact, CellGrid((-1.0,), (1.5,), (100,)))
     error = half.error(20_000)
@@ -193,17 +149,6 @@ def test_bits_do_not_depend_on_threads_or_neighbours(pendulum, outside, max_step
             assert np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
     for i in (0, 77, 19_999):
         assert np.array_equal(icm.iterate(initial_conditions[i], 10).points, image.points[i], equal_nan=True)
-
-
-def test_map_describes_itself(pendulum, interpolated_pendulum):
-    assert interpolated_pendulum.exact is pendulum
-    assert interpolated_pendulum.period == pendulum.period
-    assert interpolated_pendulum.params == pendulum.params
-    assert interpolated_pendulum.table.grid.wraps == (True, False)
-    assert interpolated_pendulum.cost.seconds > 0
-    assert "interpolated of driven pendulum" in repr(interpolated_pendulum)
-    assert "order 5" in repr(interpolated_pendulum.table)
-    assert len(repr(interpolated_pendulum)) < 300
 
 
 @pytest.mark.parametrize("order", at_once([5], later=[1, 3]))
@@ -240,33 +185,28 @@ def test_refusal_follows_the_memory_that_is_free(pendulum, monkeypatch, max_step
 
 
 @pytest.fixture(scope="module")
-def multiple(pendulum) -> PointMap:
-    """The pendulum whose cells take up to eight periods at once."""
-    return interpolated_map(pendulum, CellGrid((-pi, -100.0), (pi, 100.0), (128, 128)), outside="integrate", max_step=8)
-
-
-@pytest.fixture(scope="module")
-def single(pendulum) -> PointMap:
-    return interpolated_map(pendulum, CellGrid((-pi, -100.0), (pi, 100.0), (128, 128)), outside="integrate")
+def tables(pendulum) -> list[PointMap]:
+    """The pendulum whose cells take up to eight periods at once, and one period."""
+    grid = CellGrid((-pi, -100.0), (pi, 100.0), (128, 128))
+    return [interpolated_map(pendulum, grid, outside="integrate", max_step=max_step) for max_step in (8, 1)]
 
 
 PLACES = np.random.default_rng(11).uniform([-pi, -130.0], [pi, 130.0], (3000, 2))
 
 
-@pytest.mark.parametrize("periods", [1, 2, 3, 7, 8, 9, 31, 50])
-def test_multi_period_steps_end_where_single_periods_end(multiple, single, periods):
-    ours, theirs = multiple.iterate(PLACES, periods), single.iterate(PLACES, periods)
-    difference = np.abs(ours.unwrapped - theirs.unwrapped) / [1.0, 100.0]
-    assert np.median(difference) < 5e-9  # a tenth of what is allowed at the centre of a cell
-    assert (difference > 1e-6).mean() < 0.01  # orbits that separate exponentially
-    assert np.array_equal(ours.status, theirs.status)
-
-
-def test_the_map_of_one_period_is_the_same_with_multi_period_steps(multiple, single):
+def test_multi_period_steps_end_where_single_periods_end(tables):
+    """The map of one period is the same."""
+    multiple, single = tables
     assert np.array_equal(multiple.iterate(PLACES, 1).points, single.iterate(PLACES, 1).points)
     assert np.array_equal(multiple.orbit(PLACES[:50], 6).points, single.orbit(PLACES[:50], 6).points)
     assert np.array_equal(multiple.table.coefficients, single.table.coefficients)
     assert np.array_equal(multiple.table.fallback, single.table.fallback)
+    for periods in (2, 3, 7, 8, 9, 31, 50):
+        ours, theirs = multiple.iterate(PLACES, periods), single.iterate(PLACES, periods)
+        difference = np.abs(ours.unwrapped - theirs.unwrapped) / [1.0, 100.0]
+        assert np.median(difference) < 5e-9  # a tenth of what is allowed at the centre of a cell
+        assert (difference > 1e-6).mean() < 0.01  # orbits that separate exponentially
+        assert np.array_equal(ours.status, theirs.status)
 
 
 def test_multi_period_steps_agree_with_the_exact_map_to_the_tolerance(pendulum):
@@ -345,9 +285,11 @@ def test_a_chaotic_attractor_is_looked_at_in_single_periods():
     assert np.array_equal(found.labels, expected.labels)
 
 
-def test_the_step_is_kept_by_the_recipe_and_the_family(multiple, pendulum):
-    assert multiple.recipe["leap"] == 8
+def test_the_step_is_kept_by_the_recipe_and_the_family(tables, pendulum):
+    multiple = tables[0]
+    assert multiple.recipe["leap"] == multiple.with_params(amplitude=0.0025).recipe["leap"] == 8
     again = rebuild_map(systems.driven_pendulum(), json.loads(json.dumps(multiple.recipe)))
     assert np.array_equal(again.iterate(PLACES, 13).points, multiple.iterate(PLACES, 13).points)
-    other = multiple.with_params(amplitude=0.0025)
-    assert other.recipe["leap"] == 8
+    assert (multiple.exact, multiple.period, multiple.params) == (pendulum, pendulum.period, pendulum.params)
+    assert multiple.table.grid.wraps == (True, False) and multiple.cost.seconds > 0
+    assert "interpolated of driven pendulum" in repr(multiple) and "order 5" in repr(multiple.table)

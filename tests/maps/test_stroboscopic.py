@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from test_impacts import STRUCK
 from two_tiers import at_once
 
 from cellmap import ForcedSystem, Status, angle, set_threads, stroboscopic_map
@@ -17,6 +18,7 @@ from cellmap._compiled.codegen.kernel import flow_kernel
 from cellmap._compiled.kernels.blocks import LANES
 from cellmap._compiled.machine_code import machine_code
 from cellmap.maps.orbit_batch import CHUNK
+from systems import dimensionless_pendulum
 
 SPANS: dict[str, tuple[float, ...]] = {
     "pendulum, 3 mm": (pi, 500.0),
@@ -179,28 +181,31 @@ def test_free_rotation_loses_nothing_over_many_periods() -> None:
 
 # Purity
 
-BATCHES = (1, 2, LANES - 1, LANES, LANES + 1, 3 * LANES + 5)
-
 
 @pytest.mark.parametrize(
     ("name", "method"),
-    at_once([("vertically driven", "auto"), ("Duffing", "DOP853")], later=[("double pendulum", "auto")]),
+    at_once(
+        [("vertically driven", "auto"), ("Duffing", "DOP853"), ("dry friction", "auto"), ("impacts", "auto")],
+        later=[("double pendulum", "auto")],
+    ),
 )
 def test_an_image_does_not_depend_on_its_neighbours(
     problems: Mapping[str, ForcedSystem], name: str, method: str
 ) -> None:
-    """Bit by bit: order, number and kind of the other orbits, and the number of threads."""
-    strobe = stroboscopic_map(problems[name], method=method)
-    initial_conditions = initial_conditions_of(name, CHUNK + 777)
+    """Bit by bit, whether or not others stick: order, number and kind of the orbits, and the number of threads."""
+    events = {"dry friction": (dimensionless_pendulum(0.5, 0.3, 0.03, 0.4), (pi, 3.0)), "impacts": (STRUCK, (1.5, 1.5))}
+    system, span = events.get(name) or (problems[name], SPANS[name])
+    strobe = stroboscopic_map(system, method=method)
+    initial_conditions = np.random.default_rng(0).uniform(-1.0, 1.0, (CHUNK + 777, len(span))) * span
     set_threads(1)
     images = strobe.iterate(initial_conditions, 2).points
     set_threads(None)
     order = np.random.default_rng(1).permutation(len(initial_conditions))
     assert np.array_equal(strobe.iterate(initial_conditions[order], 2).points, images[order])
-    for count in BATCHES:
-        assert np.array_equal(
-            strobe.iterate(initial_conditions[1000 : 1000 + count], 2).points, images[1000 : 1000 + count]
-        )
+    for count in (1, 2, LANES - 1, LANES, LANES + 1, 3 * LANES + 5):
+        for first in range(1000, 1000 + 3 * LANES, 29):
+            part = slice(first, first + count)
+            assert np.array_equal(strobe.iterate(initial_conditions[part], 2).points, images[part])
     for threads in (2, 3):
         set_threads(threads)
         assert np.array_equal(strobe.iterate(initial_conditions, 2).points, images)

@@ -28,10 +28,9 @@ from discontinuous_systems import (
 )
 from two_tiers import at_once
 
-from cellmap import ForcedSystem, Status, set_threads, stroboscopic_map
+from cellmap import ForcedSystem, Status, stroboscopic_map
 from cellmap._compiled.kernels.blocks import LANES
 from cellmap.maps import ToleranceWarning, jacobian
-from cellmap.maps.orbit_batch import CHUNK
 from systems import dimensionless_pendulum, double_pendulum, triple_pendulum
 
 
@@ -134,22 +133,6 @@ def test_derivatives_multiply_over_periods() -> None:
 
 
 # Purity
-
-
-def test_an_image_does_not_depend_on_its_neighbours() -> None:
-    """Bit by bit, whether or not others stick: order and number of the orbits, and the number of threads."""
-    strobe = stroboscopic_map(dimensionless_pendulum(0.5, 0.3, 0.03, 0.4))
-    initial_conditions = np.random.default_rng(0).uniform(-1.0, 1.0, (CHUNK + 777, 2)) * (pi, 3.0)
-    images = strobe.iterate(initial_conditions, 2).points
-    order = np.random.default_rng(1).permutation(len(initial_conditions))
-    assert np.array_equal(strobe.iterate(initial_conditions[order], 2).points, images[order])
-    for count in (1, 2, LANES - 1, LANES + 1):
-        for first in range(0, 3 * LANES, 7):
-            part = slice(first, first + count)
-            assert np.array_equal(strobe.iterate(initial_conditions[part], 2).points, images[part])
-    for threads in (1, 2):
-        set_threads(threads)
-        assert np.array_equal(strobe.iterate(initial_conditions, 2).points, images)
 
 
 def test_one_bad_lane_does_not_disturb_the_others() -> None:
