@@ -25,6 +25,7 @@ from cellmap.maps import jacobian
 EXACT: dict[str, Callable[..., Any]] = {
     "log2": lambda x: mpmath.log(x, 2),
     "exp2": lambda x: mpmath.mpf(2) ** x,
+    "cbrt": lambda x: mpmath.sign(x) * mpmath.cbrt(abs(x)),
     "mod": lambda x, y: x % y,
     "fmod": math.fmod,
     "copysign": math.copysign,
@@ -89,7 +90,9 @@ def test_series(name: str) -> None:
 def test_beside_branches_all_have_series(name: str) -> None:
     base, count = empty_trace(2, 0, modes=True), 1 + (name in OF_TWO)
     (twin,) = base.run(lambda t, x, p: (function_of(name)(*x[:count]),), ())()
-    places = place_in(name) + np.linspace(0.0, 0.2, 5)
+    low, high = TABLE[name].domain or (-math.inf, math.inf)
+    several = [*np.linspace(0.0, 0.2, 5) + place_in(name), -40.0, -0.9, -0.2, -0.001, 0.3, 0.8, 1.3, 300.0]
+    places = np.array([place for place in several if low < place < high])
     (sign,) = [s.sign for s in base.graph.switches] or [base.time]
     (seen,) = evaluated([twin], {base.states[0]: places, base.states[1]: 0.5, sign: np.sign(places)})
     assert is_analytic([twin])
