@@ -11,6 +11,7 @@ import ast
 import importlib.util
 import math
 import random
+import re
 import signal
 import sys
 import warnings
@@ -24,13 +25,6 @@ from cellmap._compiled.loops import Loop
 from cellmap._compiled.translation.grammar import LanguageError
 
 AWKWARD = [0.0, -0.0, 1.0, -1.0, 0.5, -2.5, 3.75, 7.0, -7.0, 1e300, -1e-300, math.inf, -math.inf, math.nan]
-HEAD = """import math
-import numpy as np
-from cellmap._compiled.loops import inlined, loop
-
-THREE, SCALE, WEIGHTS = 3, -0.75, (0.5, -2.0, 3.0)
-"""
-ARGUMENTS = "x, y, n, m, a, b, c, k, pair, out, whole"
 
 
 class Pair(NamedTuple):
@@ -40,243 +34,162 @@ class Pair(NamedTuple):
     count: Any
 
 
+# Patterns: {f}, {i} and {b} stand for expressions of a float, a whole number and a truth value, {f2} for one of that
+# depth, a name in capitals for one of NAMED, and words for one of them.
+EXPRESSION = {
+    "f": """({f} {+ - * / %} np.float64({f}))|(np.float64({f}) {+ - *} {i})|-{f}|abs({f})|{min max}({f}, {f}, {f})
+({f} if {b} else {f})|np.float64({i})|np.sqrt(abs({f}))|np.floor({f})|np.copysign({f}, {f})|abs({f}) ** 1.5
+np.float64({i}) / np.float64({i})""",
+    "i": """({i} {+ - & | ^} {i})|({i} * {i} % {32749 -127 64})|({i} {// %} {4 -4 7 -1})|({i} {// %} ({i} | 1))|-{i}
+(({i} & 1023) << ({i} & {3 15}))|({i} >> ({i} + n & 127))|2 ** ({i} & 7)|abs({i})|{min max}({i}, {i})|int({b})
+({i} if {b} else {i})|int(np.float64({i}) * 0.37)""",
+    "b": """({f} {ORDER} {f})|({f} {ORDER} {f} {ORDER} {i})|({i} {ORDER} {i} {ORDER} {i} {ORDER} {f})|(not {i})
+({b} {and or} {b})|({b} and {b} or {b})|(not {b})|(not {f})""",
+}
+OF_ARRAYS = {
+    "f": """a[{i} % a.size]|b[{i} % b.shape[0], {i} % b.shape[1]]|out[{i} % len(out)]|WEIGHTS[{i} % 3]
+total({f}, a[{i} % len(a) :])|helper({f}, {i})[0]|total({f}, b[{i} % len(b)])|b[:, {i} % b.shape[1]][-1]""",
+    "i": """int(k[{i} % len(k)])|int(c[{i} % c.shape[0], {i} % 2, -1])|int(whole[{i} % whole.size])|len(b)|b.shape[1]
+helper(np.float64({i}), {i})[1]|c.size""",
+    "b": "",
+}
+LEAF = {"f": "0.1|1e5|2.0", "i": "7|-8|1000", "b": "{i0} > {i0}|{f0} <= {f0}"}
+NAMED = {
+    "ORDER": "{< <= > >= == !=}",
+    "RANGE": "range({i0} & 3)|range(3)|range(4, -1, -1)|range(-2, {i0} & 7, ({i0} & 3) + 1)|range(5, {i0} & 3, -2)",
+    "OVER": "a|a[1:]|b[0]|b[:, 0]|out[2:5]|b.flat|b.flat|b.flat|WEIGHTS|(0.25, 4.0)",
+    "ELEMENT": "out[{i1} % 8]|b[{i1} % b.shape[0], -1]|a[0]",
+    "FILLED": "out[2:4]|out[{i1} % 9 :]|b[0]|b[:, 0]|b[:]|a[1:3]",
+    "COPIED": "out[0:3] = out[1:4]|out[2:5] = out[0:3]|out[5:8] = out[3:6]|out[4:7] = out[4:7]|b[0] = b[1]|b[:] = b",
+    "VIEW": "a[{i1} % 3 :]|b[{i1} % 2, :]|b[1:, 0]|out[1:][2:7]",
+    "MEMORY": "np.zeros(3)|np.ones((3,))|np.empty_like(out)|np.empty(4, np.float64)",
+    "LEAVE": "pass|if {b1}: {break continue}",
+    "RETURN": "return|return {f2}|return {i2}|return {b2}",
+}
+# Semicolons end lines of statements.  {F}, {G}, {I} and {B} are new names of these kinds, which later lines may use,
+# {V} and {W} such as others do not change; {own f} is a name that a statement has made, {block} one or two statements.
+SIMPLE = """{F} = {f3}|{I} = ({i3}) % 30011 - 15000|{B} = {b3}|{own f} = {f3}|{own f} {+ - *}= {f2}
+{own i} = ({i3}) % 30011 - 15000"""
+BLOCKS = """
+if {b2}:;    {block}|if {b2}:;    {block};else:;    {block}
+if {b2}:;    {block};elif {b2}:;    {block};else:;    {block}
+for {I} in {RANGE}:;    {block};    {LEAVE}
+{W} = {i1} & 3;while {W} > 0:;    {W} -= 1;    {block};    {LEAVE}
+{W} = 0;while True:;    {W} += 1;    if {W} > 3:;        break;    {block};    {LEAVE}
+{V} = {-3 -1 0 2};if {b1}:;    {V} = {f2};{F} = {V} + 0.5
+{F}, {I} = {f2}, ({i2}) % 7919;{F}, {own f} = {own f}, {F}"""
+BLOCKS_OF_ARRAYS = """{F}, {I} = helper({f2}, ({i2}) % 999);{I} = {I} % 7919
+for {F} in {OVER}:;    {block};    {LEAVE}|for {F} in {OVER}:;    {block}
+{ELEMENT} {= += -= *=} {f3}|whole[{i2} % len(whole)] = ({i3}) % 9973|{FILLED} = {f2}|{COPIED}
+{F}, {G} = out[{0 1 2 3 4 5}:][:2]
+{V} = {VIEW};{F} = 0.0;if {V}.size > 1:;    {V}[0] = {f1};    {F} = {V}[1] + {V}[-1]
+{V} = {MEMORY};{V}[:] = {f2};{F} = {V}[({i1}) % 3]"""
+HELPER = """import math
+import numpy as np
+from cellmap._compiled.loops import inlined, loop
+
+THREE, SCALE, WEIGHTS = 3, -0.75, (0.5, -2.0, 3.0)
+@inlined(contract=False)
+def helper(x, n):
+    {body}
+    return x - {f2}, n - {i2}
+"""
+TOTAL = """@inlined(contract=False)
+def total(x, values):
+    for v in values:
+        if {b1}:
+            continue
+        x = x * 0.5 + v
+    return x
+"""
+FUNCTION = """@loop(contract=False)
+def function(x, y, n, m, a, b, c, k, pair, out, whole):
+    {body}
+    {RETURN}
+"""
+
+
+def parts(patterns: str) -> list[str]:
+    """Return patterns, between which are lines or strokes without spaces."""
+    return [one for one in re.split(r"(?<! )\|(?! )|\n", patterns) if one]
+
+
 class Writer:
     """Random source text; ``known`` are the names that have a value, by their kinds."""
 
     def __init__(self, seed: int, size: int = 4) -> None:
-        self.size = size
-        self.random = random.Random(seed)
-        self.known = {"float": ["x", "y", "pair.factor", "SCALE"], "int": ["n", "m", "THREE", "pair[1]"], "bool": []}
-        self.count = 0
-        self.depth = 0
+        self.random, self.size, self.count = random.Random(seed), size, 0
 
     def text(self) -> str:
         """Return a module with three functions."""
-        self.known = {"float": ["x", "SCALE"], "int": ["n", "THREE"], "bool": []}
-        self.helps = False
-        first = self.body(1, 2, arrays=False)
-        helper = [
-            "@inlined(contract=False)",
-            "def helper(x, n):",
-            *first,
-            f"    return x - {self.f(2)}, n - {self.i(2)}",
+        modules = [
+            self.function(HELPER, {"f": ["x", "SCALE"], "i": ["n", "THREE"], "b": []}, 2, False),
+            self.function(TOTAL, {"f": ["x", "SCALE"], "i": ["THREE"], "b": []}, 2, False),
         ]
-        self.known = {"float": ["x", "SCALE"], "int": ["THREE"], "bool": []}
-        second = ["", "@inlined(contract=False)", "def total(x, values):"]
-        second += [
-            "    for v in values:",
-            f"        if {self.b(1)}:",
-            "            continue",
-            "        x = x * 0.5 + v",
-        ]
-        second += ["    return x", ""]
-        self.known = {"float": ["x", "y", "pair.factor", "SCALE"], "int": ["n", "m", "THREE", "pair[1]"], "bool": []}
-        self.helps = True
-        main = ["@loop(contract=False)", f"def function({ARGUMENTS}):", *self.body(1, self.size)]
-        main += ["    " + self.choice(["return", f"return {self.f(2)}", f"return {self.i(2)}", f"return {self.b(2)}"])]
-        return "\n".join([HEAD, *helper, *second, *main, ""])
+        known = {"f": ["x", "y", "pair.factor", "SCALE"], "i": ["n", "m", "THREE", "pair[1]"], "b": []}
+        return "\n".join([*modules, self.function(FUNCTION, known, self.size, True)])
 
-    def choice(self, one_of: list[str]) -> str:
-        return self.random.choice(one_of)
+    def function(self, pattern: str, known: dict[str, list[str]], size: int, arrays: bool) -> str:
+        self.known, self.arrays, self.level = known, arrays, 0
+        return "\n".join([*self.lines(pattern, size), ""])
 
-    def name(self, kind: str) -> str:
-        self.count += 1
-        return f"{kind[0]}{self.count}"
-
-    def f(self, depth: int) -> str:
-        """Return an expression of a float."""
-        if depth <= 0 or self.random.random() < 0.2:
-            return self.choice([*self.known["float"], "0.1", "1e5", "2.0"])
-        f, i, b = (lambda: self.f(depth - 1)), (lambda: self.i(depth - 1)), (lambda: self.b(depth - 1))
-        kinds = [
-            lambda: f"({f()} {self.choice(['+', '-', '*', '/', '%'])} np.float64({f()}))",
-            lambda: f"(np.float64({f()}) {self.choice(['+', '-', '*'])} {i()})",
-            lambda: f"-{f()}",
-            lambda: f"abs({f()})",
-            lambda: f"{self.choice(['min', 'max'])}({f()}, {f()}, {f()})",
-            lambda: f"({f()} if {b()} else {f()})",
-            lambda: f"np.float64({i()})",
-            lambda: f"np.sqrt(abs({f()}))",
-            lambda: f"np.floor({f()})",
-            lambda: f"np.copysign({f()}, {f()})",
-            lambda: f"abs({f()}) ** 1.5",
-            lambda: f"np.float64({i()}) / np.float64({i()})",
-        ]
-        if self.helps:
-            kinds += [
-                lambda: f"a[{i()} % a.size]",
-                lambda: f"b[{i()} % b.shape[0], {i()} % b.shape[1]]",
-                lambda: f"out[{i()} % len(out)]",
-                lambda: f"WEIGHTS[{i()} % 3]",
-                lambda: f"total({f()}, a[{i()} % len(a) :])",
-                lambda: f"helper({f()}, {i()})[0]",
-                lambda: f"total({f()}, b[{i()} % len(b)])",
-                lambda: f"b[:, {i()} % b.shape[1]][-1]",
-            ]
-        return str(self.random.choice(kinds)())
-
-    def i(self, depth: int) -> str:
-        """Return an expression of a whole number."""
-        if depth <= 0 or self.random.random() < 0.2:
-            return self.choice([*self.known["int"], "7", "-8", "1000"])
-        i, b = (lambda: self.i(depth - 1)), (lambda: self.b(depth - 1))
-        kinds = [
-            lambda: f"({i()} {self.choice(['+', '-', '&', '|', '^'])} {i()})",
-            lambda: f"({i()} * {i()} % {self.choice(['32749', '-127', '64'])})",
-            lambda: f"({i()} {self.choice(['//', '%'])} {self.choice(['4', '-4', '7', '-1', f'({i()} | 1)'])})",
-            lambda: f"(({i()} & 1023) << ({i()} & {self.choice(['3', '15'])}))",
-            lambda: f"({i()} >> ({i()} + n & 127))",
-            lambda: f"2 ** ({i()} & 7)",
-            lambda: f"-{i()}",
-            lambda: f"abs({i()})",
-            lambda: f"{self.choice(['min', 'max'])}({i()}, {i()})",
-            lambda: f"({i()} if {b()} else {i()})",
-            lambda: f"int({b()})",
-            lambda: f"int(np.float64({i()}) * 0.37)",
-        ]
-        if self.helps:
-            kinds += [
-                lambda: f"int(k[{i()} % len(k)])",
-                lambda: f"int(c[{i()} % c.shape[0], {i()} % 2, -1])",
-                lambda: f"int(whole[{i()} % whole.size])",
-                lambda: f"helper(np.float64({i()}), {i()})[1]",
-                lambda: "len(b)",
-                lambda: "b.shape[1]",
-                lambda: "c.size",
-            ]
-        return str(self.random.choice(kinds)())
-
-    def b(self, depth: int) -> str:
-        """Return a condition."""
-        if depth <= 0:
-            return self.choice([*self.known["bool"], f"{self.i(0)} > {self.i(0)}", f"{self.f(0)} <= {self.f(0)}"])
-        f, i, b = (lambda: self.f(depth - 1)), (lambda: self.i(depth - 1)), (lambda: self.b(depth - 1))
-        order = lambda: self.choice(["<", "<=", ">", ">=", "==", "!="])  # noqa: E731
-        kinds = [
-            lambda: f"({f()} {order()} {f()})",
-            lambda: f"({f()} {order()} {f()} {order()} {i()})",
-            lambda: f"({i()} {order()} {i()} {order()} {i()} {order()} {f()})",
-            lambda: f"({b()} {self.choice(['and', 'or'])} {b()})",
-            lambda: f"({b()} and {b()} or {b()})",
-            lambda: f"(not {b()})",
-            lambda: f"(not {self.choice([i(), f()])})",
-        ]
-        return str(self.random.choice(kinds)())
-
-    def body(self, level: int, size: int, arrays: bool = True) -> list[str]:
-        """Return statements."""
+    def lines(self, pattern: str, size: int = 2) -> list[str]:
+        """Return the lines of a statement."""
         lines: list[str] = []
-        for _ in range(self.random.randint(1, size)):
-            lines += self.statement(level, arrays)
-        return lines
-
-    def inner(self, level: int, arrays: bool, **more: list[str]) -> list[str]:
-        """Return statements of a block, whose own names are forgotten after it."""
-        before = {kind: list(names) for kind, names in self.known.items()}
-        for kind, names in more.items():
-            self.known[kind] += names
-        lines = self.body(level + 1, 2, arrays)
-        self.known = before
-        return lines
-
-    def statement(self, level: int, arrays: bool) -> list[str]:
-        """Return a random statement."""
-        pad, kinds = "    " * level, ["new", "new", "again", "if", "range", "while", "tuple", "mixed"]
-        if arrays:
-            kinds += ["over", "flat", "element", "element", "fill", "copy", "unpack", "view", "memory", "constants"]
-        if level > 3:
-            kinds = ["new", "again"]
-        kind = self.choice(kinds)
-        own = [name for name in self.known["float"] + self.known["int"] if name[1:].isdigit()]
-        if kind == "again" and own:
-            name = self.choice(own)
-            if name[0] == "f":
-                return [pad + self.choice([f"{name} = {self.f(3)}", f"{name} {self.choice('+-*')}= {self.f(2)}"])]
-            return [f"{pad}{name} = ({self.i(3)}) % 30011 - 15000"]
-        if kind == "if":
-            lines = [f"{pad}if {self.b(2)}:", *self.inner(level, arrays)]
-            if self.random.random() < 0.3:
-                lines += [f"{pad}elif {self.b(2)}:", *self.inner(level, arrays)]
-            if self.random.random() < 0.5:
-                lines += [f"{pad}else:", *self.inner(level, arrays)]
-            return lines
-        leave = [f"{pad}    if {self.b(1)}:", f"{pad}        {self.choice(['break', 'continue'])}"]
-        leave = leave if self.random.random() < 0.5 else []
-        if kind == "range":
-            name = self.name("j")
-            end = self.choice(["n & 3", "3", "4, -1, -1", "-2, (m & 7), (n & 3) + 1", "5, n, -2"])
-            end = end if arrays or "m" not in end else "3"
-            end = end.replace("5, n", "5, n & 3")
-            return [f"{pad}for {name} in range({end}):", *self.inner(level, arrays, int=[name]), *leave]
-        if kind == "while":
-            name = self.name("w")
-            head = [f"{pad}{name} = {self.i(1)} & 3", f"{pad}while {self.choice(['', 'not '])}{name} > 0:"]
-            if "not" in head[1]:
-                head = [f"{pad}{name} = 0", f"{pad}while True:", f"{pad}    {name} += 1", f"{pad}    if {name} > 3:"]
-                return [*head, f"{pad}        break", *self.inner(level, arrays, int=[name]), *leave]
-            return [*head, f"{pad}    {name} -= 1", *self.inner(level, arrays, int=[name]), *leave]
-        if kind == "tuple":
-            one, other = self.name("f"), self.name("i")
-            if self.helps:
-                lines = [f"{pad}{one}, {other} = helper({self.f(2)}, ({self.i(2)}) % 999)"]
+        before, names = self.copied(), {}
+        for line in pattern.splitlines():
+            pad = line[: len(line) - len(line.lstrip())]
+            if line.strip() in ("{block}", "{body}"):
+                outside = self.copied()
+                self.level += 1
+                for _ in range(self.random.randint(1, size)):
+                    lines += [pad + one for one in self.statement()]
+                self.level -= 1
+                self.known = self.known if "body" in line else outside
             else:
-                lines = [f"{pad}{one}, {other} = {self.f(2)}, {self.i(2)}"]
-            lines += [f"{pad}{other} = {other} % 7919"]
-            self.known["float"].append(one)
-            self.known["int"].append(other)
-            floats = [name for name in self.known["float"] if name[1:].isdigit()]
-            two = self.choice(floats)
-            return [*lines, f"{pad}{one}, {two} = {two}, {one}"]
-        if kind == "mixed":  # a whole number first, a float later
-            name = self.name("f")
-            lines = [f"{pad}{name} = {self.random.randint(-3, 3)}", f"{pad}if {self.b(1)}:"]
-            lines += [f"{pad}    {name} = {self.f(2)}", f"{pad}{name} = {name} + 0.5"]
-            self.known["float"].append(name)
-            return lines
-        if kind in ("over", "flat", "constants"):
-            name = self.name("f")
-            over = {"over": self.choice(["a", "a[1:]", "b[0]", "b[:, 0]", "out[2:5]"]), "flat": "b.flat"}
-            lines = [f"{pad}for {name} in {over.get(kind, self.choice(['WEIGHTS', '(0.25, 4.0)']))}:"]
-            return [*lines, *self.inner(level, arrays, float=[name]), *leave]
-        if kind == "element":
-            change = self.choice(["=", "+=", "-=", "*="])
-            target = self.choice([f"out[{self.i(1)} % 8]", f"b[{self.i(1)} % b.shape[0], -1]", "a[0]"])
-            if self.random.random() < 0.3:
-                return [f"{pad}whole[{self.i(2)} % len(whole)] = ({self.i(3)}) % 9973"]
-            return [f"{pad}{target} {change} {self.f(3)}"]
-        if kind == "fill":
-            target = self.choice(["out[2:4]", f"out[{self.i(1)} % 9 :]", "b[0]", "b[:, 0]", "b[:]", "a[1:3]"])
-            return [f"{pad}{target} = {self.f(2)}"]
-        if kind == "copy":
-            one, other = self.random.randint(0, 5), self.random.randint(0, 5)
-            return [
-                pad + self.choice([f"out[{one} : {one} + 3] = out[{other} : {other} + 3]", "b[0] = b[1]", "b[:] = b"])
-            ]
-        if kind == "unpack":
-            one, other = self.name("f"), self.name("f")
-            self.known["float"] += [one, other]
-            return [f"{pad}{one}, {other} = out[{self.random.randint(0, 5)}:][:2]"]
-        if kind == "view":
-            view, name = self.name("v"), self.name("f")
-            chosen = self.choice([f"a[{self.i(1)} % 3 :]", f"b[{self.i(1)} % 2, :]", "b[1:, 0]", "out[1:][2:7]"])
-            lines = [f"{pad}{view} = {chosen}", f"{pad}{name} = 0.0", f"{pad}if {view}.size > 1:"]
-            lines += [f"{pad}    {view}[0] = {self.f(1)}", f"{pad}    {name} = {view}[1] + {view}[-1]"]
-            self.known["float"].append(name)
-            return lines
-        if kind == "memory":
-            memory, name = self.name("z"), self.name("f")
-            made = self.choice(["np.zeros(3)", "np.ones((3,))", "np.empty_like(out)", "np.empty(4, np.float64)"])
-            lines = [f"{pad}{memory} = {made}", f"{pad}{memory}[:] = {self.f(2)}"]
-            lines.append(f"{pad}{name} = {memory}[({self.i(1)}) % 3]")
-            self.known["float"].append(name)
-            return lines
-        new = self.random.choice(["float", "int", "bool"])
-        name = self.name(new)
-        made = {"float": self.f, "int": lambda d: f"({self.i(d)}) % 30011 - 15000", "bool": self.b}[new](3)
-        if new == "bool":
-            name = f"t{self.count}"
-        self.known[new].append(name)
-        return [f"{pad}{name} = {made}"]
+                lines.append(self.filled(line, 0, names))
+                for what, name in names.items():
+                    kind = {"G": "f", "W": "i"}.get(what, what.lower())
+                    if kind in self.known and name not in self.known[kind]:
+                        self.known[kind].append(name)
+        self.known = before if "{block}" in pattern else self.known
+        return lines
+
+    def copied(self) -> dict[str, list[str]]:
+        return {kind: list(names) for kind, names in self.known.items()}
+
+    def own(self, kind: str) -> list[str]:
+        return [name for name in self.known[kind] if name[1:].isdigit()]
+
+    def statement(self) -> list[str]:
+        """Return a random statement."""
+        groups = [SIMPLE] if self.level > 3 else [SIMPLE, BLOCKS, *self.arrays * [BLOCKS_OF_ARRAYS]]
+        pattern = self.random.choice([one for group in groups for one in parts(group)])
+        missing = pattern.startswith("{own") and not self.own(pattern[5])
+        return self.lines("{F} = {f3}" if missing else pattern.replace(";", "\n"))
+
+    def filled(self, pattern: str, depth: int, names: dict[str, str]) -> str:
+        return re.sub(r"\{([^{}]+)\}", lambda found: self.piece(found[1], depth, names), pattern)
+
+    def piece(self, what: str, depth: int, names: dict[str, str]) -> str:
+        """Return what stands for a piece of a pattern."""
+        if what[:-1] == "own ":
+            return self.random.choice(self.own(what[-1]))
+        if what in NAMED:
+            return self.filled(self.random.choice(parts(NAMED[what])), depth, names)
+        if what.isupper():
+            self.count += what not in names
+            return names.setdefault(what, f"{what.lower()}{self.count}" + "_" * (what in "VW"))
+        if what[0] not in LEAF or what[1:] not in ("", "0", "1", "2", "3"):
+            return self.random.choice(what.split())
+        return self.expression(what[0], int(what[1:] or depth), names)
+
+    def expression(self, kind: str, depth: int, names: dict[str, str]) -> str:
+        if depth <= 0 or (kind != "b" and self.random.random() < 0.2):
+            pattern = self.random.choice([*self.known[kind], *parts(LEAF[kind])])
+        else:
+            pattern = self.random.choice(parts(EXPRESSION[kind]) + self.arrays * parts(OF_ARRAYS[kind]))
+        return self.filled(pattern, depth - 1, names)
 
 
 def arguments(seed: int) -> tuple[Any, ...]:
@@ -509,9 +422,7 @@ class Inserted(ast.NodeTransformer):
             self.target = self.chosen.choice(self.places)
             self.visit(self.function)
             return
-        lines = self.filled(
-            self.chosen.choice([one for line in STATEMENTS.split("\n") if line for one in line.split("|")])
-        )
+        lines = self.filled(self.chosen.choice(parts(STATEMENTS)))
         blocks = [node.body for node in ast.walk(self.function) if isinstance(node, ast.If | ast.For | ast.While)]
         block = self.chosen.choice([self.function.body, self.function.body, *blocks])
         place = self.chosen.randint(0, len(block))
@@ -521,8 +432,7 @@ class Inserted(ast.NodeTransformer):
         """Replace the chosen expression by another."""
         if node is not self.target:
             return self.generic_visit(node)
-        patterns = [one for line in EXPRESSIONS.split("\n") if line for one in line.split("|")]
-        return ast.parse(self.filled(self.chosen.choice(patterns)), mode="eval").body
+        return ast.parse(self.filled(self.chosen.choice(parts(EXPRESSIONS))), mode="eval").body
 
 
 def mutated(seed: int) -> str:
