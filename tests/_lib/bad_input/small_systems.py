@@ -10,6 +10,7 @@ import numpy as np
 import cellmap
 import systems
 from cellmap import CellGrid, ForcedSystem, PointMap, discrete_map
+from cellmap.bifurcations import continue_bifurcation
 
 
 def two_wells(x: Any, p: Any) -> tuple[Any, Any]:
@@ -57,7 +58,7 @@ def interpolated() -> cellmap.Basins:
 @cache
 def delayed_logistic() -> Any:
     """Return a map with an invariant circle."""
-    return cellmap.discrete_map(
+    return discrete_map(
         lambda x, p: (p.a * x[0] * (1 - x[1]) + p.e * x[0] ** 2, x[0]), {"a": 2.18, "e": 0.0}, ("x", "y"), "delayed"
     )
 
@@ -73,21 +74,22 @@ def circle_of_delayed_logistic() -> dict[str, Any]:
 @cache
 def outer_saddle() -> tuple[Any, Any]:
     """Return a map with homoclinic orbits, and their saddle."""
-    turned = cellmap.discrete_map(
+    turned = discrete_map(
         lambda x, p: (p.a - x[0] ** 2 + p.b * x[1], x[0]), {"a": 1.4, "b": -0.3}, ("x", "y"), "turned"
     )
     return turned, cellmap.periodic_orbit(turned, [-2.0, -2.0])
 
 
 @cache
-def folds_of_a_cubic_map() -> Any:
-    """Return a curve of folds with a cusp at a = b = 0, for c = 0."""
+def cusp_of_a_cubic_map() -> tuple[Any, Any]:
+    """Return a curve of folds, and its cusp at a = b = 0, for c = 0."""
     params = {"a": -1.0, "b": 0.5, "c": 0.0}
-    cubic = cellmap.discrete_map(lambda x, p: (x[0] + p.a + p.b * x[0] + p.c * x[0] ** 2 - x[0] ** 3,), params, ("x",))
+    cubic = discrete_map(lambda x, p: (x[0] + p.a + p.b * x[0] + p.c * x[0] ** 2 - x[0] ** 3,), params, ("x",))
     branch = cellmap.continue_orbit(cubic, cellmap.periodic_orbit(cubic, [-1.2]), "a", -1.0, 1.0, step=0.1)
     box = {"first": (-1.0, 1.0), "second": (-1.0, 1.0)}
     fold = branch.of_kind(cellmap.bifurcations.BifurcationKind.FOLD)[0]
-    return cellmap.bifurcations.continue_bifurcation(branch, fold, "b", **box, step=0.1)
+    curve = continue_bifurcation(branch, fold, "b", **box, step=0.1)
+    return curve, curve.codimension_two()[0]
 
 
 @cache
@@ -96,4 +98,4 @@ def doublings_of_henon() -> Any:
     henon = systems.henon_map(0.2, 0.3)
     branch = cellmap.continue_orbit(henon, cellmap.periodic_orbit(henon, [0.5, 0.2]), "a", 0.0, 1.4, step=0.1)
     box = {"first": (0.0, 4.0), "second": (-1.5, 0.9)}
-    return cellmap.bifurcations.continue_bifurcation(branch, branch.bifurcations[0], "b", **box, step=0.1)
+    return continue_bifurcation(branch, branch.bifurcations[0], "b", **box, step=0.1)
