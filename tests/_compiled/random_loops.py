@@ -13,7 +13,6 @@ import math
 import random
 import re
 import signal
-import sys
 import warnings
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -457,7 +456,3 @@ def main(first: int, last: int, path: str) -> None:
         for one in wrong:
             print(f"wrong {one}", flush=True)
     print(f"counts {counts}", flush=True)
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3])

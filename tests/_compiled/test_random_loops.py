@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests._compiled import random_loops
+from tests._compiled.processes import printed
 from tests._compiled.random_loops import Writer, differences
 
 FEW, MANY = range(6, 30, 6), 3000  # those before loop for seconds in Python
@@ -38,11 +36,9 @@ def test_thousands_of_random_functions(
 
 def tried(first: int, last: int, path: Path) -> list[str]:
     """Return what a process prints that tries functions with random constructs of Python's grammar in them."""
-    command = [sys.executable, "-W", "ignore", str(Path(random_loops.__file__)), str(first), str(last), str(path)]
-    environment = {**os.environ, "CELLMAP_CACHE_DIR": str(path), "PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout[-200:] + done.stderr[-2000:]
-    return done.stdout.splitlines()
+    return printed(
+        f"from tests._compiled.random_loops import main; main({first}, {last}, {str(path)!r})", path
+    ).splitlines()
 
 
 def test_constructs_that_are_not_in_the_language_are_refused_or_right(tmp_path: Path) -> None:
