@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import re
 import subprocess
@@ -9,12 +10,13 @@ import sys
 import time
 import tracemalloc
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from cellmap._compiled.codegen.instructions import Instructions, module_text
-from cellmap._compiled.machine_code import MachineCode, machine_code
+from cellmap._compiled.machine_code import machine_code
 from cellmap._compiled.object_cache import ObjectCache, cache_folder
 
 KEY, OTHER = "0123456789abcdef" * 4, "fedcba9876543210" * 4
@@ -25,58 +27,50 @@ def cache(tmp_path: Path) -> ObjectCache:
     return ObjectCache(tmp_path)
 
 
-def test_what_was_written_is_read_again(cache: ObjectCache) -> None:
+def refused(cache: ObjectCache, key: str = KEY) -> None:
+    with pytest.warns(RuntimeWarning, match="is damaged or foreign"):
+        assert cache.read(key) is None
+
+
+def test_what_was_written_is_read_again_but_not_with_any_byte_changed(cache: ObjectCache, tmp_path: Path) -> None:
     assert cache.read(KEY) is None
-    cache.write(KEY, b"code")
-    assert cache.read(KEY) == b"code"
-    assert cache.read(OTHER) is None
-
-
-def test_an_entry_with_any_byte_changed_is_refused_and_removed(cache: ObjectCache) -> None:
     cache.write(KEY, b"some code")
-    assert cache.folder is not None
-    (path,) = cache.folder.iterdir()
+    assert (cache.read(KEY), cache.read(OTHER)) == (b"some code", None)
+    (path,) = tmp_path.iterdir()
     whole = path.read_bytes()
     for place in range(len(whole)):
         for damaged in (whole[:place], whole[:place] + bytes([whole[place] ^ 0x10]) + whole[place + 1 :]):
             path.write_bytes(damaged)
-            with pytest.warns(RuntimeWarning, match="is damaged or foreign"):
-                assert cache.read(KEY) is None
+            refused(cache)
             assert not path.exists()
+    (path.with_name(path.name.replace(KEY[:32], OTHER[:32]))).write_bytes(whole)
+    refused(cache, OTHER)
 
 
-def test_an_entry_of_another_key_is_refused(cache: ObjectCache) -> None:
-    cache.write(KEY, b"code")
-    assert cache.folder is not None
-    (path,) = cache.folder.iterdir()
-    path.rename(path.with_name(path.name.replace(KEY[:32], OTHER[:32])))
-    with pytest.warns(RuntimeWarning, match="is damaged or foreign"):
-        assert cache.read(OTHER) is None
-
-
-def test_an_entry_is_not_read_beyond_what_one_can_be(cache: ObjectCache) -> None:
+def test_an_entry_is_not_read_beyond_what_one_can_be(cache: ObjectCache, tmp_path: Path) -> None:
     """A sparse file of 16 GB, foreign or with the right beginning, takes no time and no memory."""
     cache.write(KEY, b"code")
-    assert cache.folder is not None
-    (path,) = cache.folder.iterdir()
+    (path,) = tmp_path.iterdir()
     whole = path.read_bytes()
     for beginning in (whole, b"", whole[:50]):
         path.write_bytes(beginning)
         os.truncate(path, 2**34)
         tracemalloc.start()
-        with pytest.warns(RuntimeWarning, match="is damaged or foreign"):
-            assert cache.read(KEY) is None
+        refused(cache)
         assert tracemalloc.get_traced_memory()[1] < 2**20
         tracemalloc.stop()
         assert not path.exists()
 
 
-def test_a_home_in_the_name_of_the_folder_is_that_of_the_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_folder_follows_the_environment_and_the_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("CELLMAP_CACHE_DIR", "~/kept")
     assert cache_folder() == tmp_path / "kept" and (tmp_path / "kept").is_dir()
     monkeypatch.setenv("CELLMAP_CACHE_DIR", "~nobody-of-this-name/kept")
     assert cache_folder() is None
+    monkeypatch.delenv("CELLMAP_CACHE_DIR")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
+    assert cache_folder() == tmp_path / "xdg" / "cellmap"
 
 
 def test_the_least_recently_used_entries_go_first(tmp_path: Path) -> None:
@@ -98,16 +92,12 @@ def small_program() -> str:
     return module_text(out.function("double_it", "ptr %x"), out)
 
 
-def doubled(loaded: MachineCode) -> float:
-    import ctypes
-
+def doubled() -> float:
+    """Return what a new process computes: this one keeps the functions that it has loaded."""
     place = ctypes.c_double(2.0)
+    loaded = machine_code.__wrapped__(small_program())
     ctypes.CFUNCTYPE(None, ctypes.c_void_p)(loaded.address("double_it"))(ctypes.addressof(place))
     return place.value
-
-
-compile_again = machine_code.__wrapped__
-"""What a new process does: this one keeps the functions that it has loaded."""
 
 
 @pytest.fixture
@@ -118,70 +108,48 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_code_is_kept_in_a_private_folder(folder: Path) -> None:
-    assert doubled(compile_again(small_program())) == 4.0
+    old = os.umask(0)
+    try:
+        assert doubled() == 4.0
+    finally:
+        os.umask(old)
     assert folder.stat().st_mode & 0o777 == 0o700
-    assert len(list(folder.iterdir())) == 1
-    assert doubled(compile_again(small_program())) == 4.0
+    assert [path.suffix for path in folder.rglob("*") if path.is_file()] == [".object"]
+    assert doubled() == 4.0
 
 
 @pytest.mark.parametrize("tries", [20, pytest.param(1000, marks=pytest.mark.thorough)])
 def test_a_damaged_entry_is_recompiled(folder: Path, tries: int) -> None:
-    compile_again(small_program())
+    doubled()
     (path,) = folder.iterdir()
     whole = path.read_bytes()
     for place in range(0, len(whole), -(-len(whole) // tries)):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
         with pytest.warns(RuntimeWarning, match=re.escape(str(path))):
-            assert doubled(compile_again(small_program())) == 4.0
+            assert doubled() == 4.0
         assert path.read_bytes() == whole
 
 
-@pytest.mark.parametrize("mode", [0o770, 0o707, 0o777])
-def test_a_folder_that_others_can_write_is_not_used(folder: Path, mode: int) -> None:
-    compile_again(small_program())
-    folder.chmod(mode)
+@pytest.mark.parametrize("mode", [0o770, 0o707, 0o777, "of somebody else"])
+def test_a_folder_that_others_can_write_is_not_used(folder: Path, mode: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    doubled()
+    if mode == "of somebody else":
+        monkeypatch.setattr(os, "geteuid", lambda: folder.stat().st_uid + 1)
+    else:
+        folder.chmod(mode)
     for path in folder.iterdir():
         path.write_bytes(b"planted")
     with pytest.warns(UserWarning, match="others can write to it"):
-        assert doubled(compile_again(small_program())) == 4.0
+        assert doubled() == 4.0
     assert [path.read_bytes() for path in folder.iterdir()] == [b"planted"]
-
-
-def test_a_folder_of_somebody_else_is_not_used(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    compile_again(small_program())
-    monkeypatch.setattr(os, "geteuid", lambda: folder.stat().st_uid + 1)
-    with pytest.warns(UserWarning, match="others can write to it"):
-        assert doubled(compile_again(small_program())) == 4.0
 
 
 def test_without_a_folder_code_lives_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CELLMAP_CACHE_DIR", "")
-    assert doubled(compile_again(small_program())) == 4.0
+    assert doubled() == 4.0
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("CELLMAP_CACHE_DIR", str(tmp_path / "file" / "cache"))
-    assert doubled(compile_again(small_program())) == 4.0
-
-
-def test_the_folder_is_made_for_its_user_alone(folder: Path) -> None:
-    old = os.umask(0)
-    try:
-        compile_again(small_program())
-    finally:
-        os.umask(old)
-    assert folder.stat().st_mode & 0o777 == 0o700
-
-
-def test_the_folder_follows_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("CELLMAP_CACHE_DIR", str(tmp_path / "mine"))
-    assert cache_folder() == tmp_path / "mine"
-    monkeypatch.delenv("CELLMAP_CACHE_DIR")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
-    assert cache_folder() == tmp_path / "xdg" / "cellmap"
-
-
-def test_no_temporary_file_is_left(folder: Path) -> None:
-    compile_again(small_program())
-    assert [path.suffix for path in folder.rglob("*") if path.is_file()] == [".object"]
+    assert doubled() == 4.0
 
 
 PROGRAM = """
