@@ -27,25 +27,10 @@ def raises(x: Any, p: Any) -> Any:
     return x[1], -x[0] - x[1]
 
 
-def asserts(x: Any) -> Any:
-    if not x <= 0.5:  # what an assertion is, but for pytest, which writes assertions in its own way
-        raise AssertionError("too big")
-    return x
-
-
 def asks(x: Any) -> Any:
     if x > 0.5:
         raise LookupError(f"{x} is not there")
     return x
-
-
-def loops(x: Any) -> Any:
-    count = 0
-    while x > 1e-3:
-        x, count = 0.5 * x, count + 1
-        if count > 9:
-            raise RuntimeError(f"after {count}")
-    return count
 
 
 def of(part: Callable[[Any], Any]) -> Callable[[Any, Any], Any]:
@@ -54,11 +39,9 @@ def of(part: Callable[[Any], Any]) -> Callable[[Any, Any], Any]:
 
 FUNCTIONS = {
     "raises": raises,
-    "asserts": of(asserts),
     "divides": lambda x, p: ((x[1] if x[0] <= 0.5 else 1 / 0), -x[0] - x[1]),
     "leaves a domain": of(lambda x: math.log(1.0 if x <= 0.5 else -1.0)),
     "asks another": of(asks),
-    "loops": of(loops),
     "indexes": of(lambda x: TABLE[int(5.9 * x)]),
     "indexes an array": of(lambda x: ARRAY[int(5.9 * x)]),
     "divides whole numbers": of(lambda x: 6 // (1 - int(x > 0.5))),

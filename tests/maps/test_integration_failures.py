@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from two_tiers import at_once
 
-from cellmap import CellGrid, ForcedSystem, Status, angle, find_basins, stroboscopic_map
+from cellmap import CellGrid, ForcedSystem, Status, angle, stroboscopic_map
 from cellmap.maps import Impact, ToleranceWarning
 
 
@@ -129,16 +129,6 @@ def test_an_electrode_is_pulled_in(method, steps):
     assert (found.points[~pulled, 0] < saddle).all()
 
 
-@quiet
-@pytest.mark.parametrize("options", at_once([{}], later=[{"max_steps": 256}, {"method": "Rosenbrock"}]))
-def test_no_attractor_is_behind_the_electrode(options):
-    """There is one at x = 1.27, to which no orbit comes that begins before x = 1."""
-    system = ForcedSystem(electrode, {"damping": 0.05}, 5.0, ("x", "v"))
-    basins = find_basins(stroboscopic_map(system, **options), CellGrid((-0.8, -1.0), (0.95, 1.0), (20, 20)))
-    assert [a.points[0, 0] < 1.0 for a in basins.attractors] == [True]
-    assert set(basins.labels.ravel().tolist()) == {0, -2}
-
-
 CASES = {
     "collision": (lambda t, x, p: (x[1], -1.0 / x[0] ** 2), [[1.0, 0.0], [3.0, 0.0]], 2.0),  # after pi/sqrt(8) x^1.5
     "root": (lambda t, x, p: (-1.0 / x[0], x[1]), [[1.2, 0.0], [1.5, 0.0]], 1.0),  # x^2 - 2 t
@@ -198,8 +188,6 @@ def test_orbits_that_pass_close_to_a_pole_do_not_end(method):
 
 STIFF = {
     "moving": (lambda t, x, p: (-1e6 * (x[0] - cos(t)), -x[1]), 2 * pi),  # to cos(t), and exp(-t)
-    "curved": (lambda t, x, p: (-1e5 * (x[0] - sin(x[1])), cos(t) - 0.3 * x[1]), 2 * pi),
-    "cubic": (lambda t, x, p: (-1e4 * (x[0] ** 3 - cos(t)), -x[1]), 2 * pi),
     "Van der Pol": (lambda t, x, p: (x[1], 1e5 * (1.0 - x[0] ** 2) * x[1] - x[0]), 1.0),
 }
 
@@ -207,7 +195,7 @@ STIFF = {
 @quiet
 @pytest.mark.filterwarnings("default::cellmap.maps.ToleranceWarning")
 @pytest.mark.parametrize(("method", "steps"), [pair for pair in ALL if "Rosenbrock" not in str(pair)])
-@pytest.mark.parametrize("name", at_once(["moving", "Van der Pol"], later=STIFF))
+@pytest.mark.parametrize("name", STIFF)
 def test_what_is_stiff_does_not_end(name, method, steps):
     """Explicit steps are unstable and overflow, where orbits stay below 2.1 as the method for stiff systems sees."""
     rhs, period = STIFF[name]

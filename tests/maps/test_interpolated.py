@@ -257,20 +257,6 @@ def test_rotations_are_counted(max_step):
     assert ours.unwrapped == pytest.approx(theirs.unwrapped, abs=1e-9)
 
 
-@pytest.mark.thorough
-def test_initial_conditions_that_leave_the_window_or_do_not_settle_in_multi_period_steps():
-    exact = stroboscopic_map(systems.driven_pendulum(amplitude=0.003))
-    grid = CellGrid((-pi, -100.0), (pi, 100.0), (48, 48))
-    for limit in (5, 11, 2000):
-        single, multiple = (
-            find_basins(interpolated_map(exact, grid, outside="escape", max_step=max_step), grid, limit)
-            for max_step in (1, 4)
-        )
-        assert (multiple.labels != single.labels).mean() <= 2e-3
-        assert (multiple.settling_time != single.settling_time).mean() <= 2e-3
-        assert set(np.unique(multiple.labels)) == set(np.unique(single.labels))
-
-
 def test_a_chaotic_attractor_is_looked_at_in_single_periods():
     """Its cover is entered and left again, and no multi-period step may hide a visit: the same labels and times."""
     exact = systems.henon_map()

@@ -92,16 +92,6 @@ def test_directions_that_shrink_keep_their_digits() -> None:
     assert np.diagonal(jacobian(strobe, [0.3, 0.2])) == pytest.approx(np.exp([-0.2 * pi, -24.0 * pi]), rel=1e-8, abs=0)
 
 
-@pytest.mark.parametrize("name", at_once(["vertically driven"], later=["double pendulum"]))
-def test_the_derivative_is_that_of_the_images(problems: Mapping[str, ForcedSystem], name: str) -> None:
-    strobe, h, columns = stroboscopic_map(problems[name], rtol=1e-12, atol=1e-12), 1e-3, []
-    ic = np.full(strobe.dimension, 0.4)
-    for direction in np.eye(strobe.dimension):
-        images = strobe.iterate(ic + h * np.arange(-2, 3)[:, None] * direction, 2).unwrapped
-        columns.append((images[0] - 8.0 * images[1] + 8.0 * images[3] - images[4]) / (12.0 * h))
-    assert jacobian(strobe, ic, periods=2) == pytest.approx(np.stack(columns, axis=-1), rel=1e-6, abs=1e-7)
-
-
 def test_a_right_hand_side_that_cannot_be_traced(problems: Mapping[str, ForcedSystem]) -> None:
     """Derivatives then come from central differences; the branch is never taken."""
     plain = problems["vertically driven"]

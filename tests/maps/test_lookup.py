@@ -78,16 +78,6 @@ def test_nodes_have_their_exact_images(name, order):
     assert icm.iterate(nodes, 1).unwrapped == pytest.approx(icm.exact.iterate(nodes, 1).unwrapped, abs=1e-12)
 
 
-@pytest.mark.parametrize("count", [1, 2, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5])
-def test_image_does_not_depend_on_the_neighbours(count):
-    icm = table_of("cylinder", 5)
-    points = places_in(icm.table.grid, count)
-    together = icm.iterate(points, 3)
-    for i in {0, count // 2, count - 1}:
-        alone = icm.iterate(points[i], 3)
-        assert np.array_equal(alone.points, together.points[i], equal_nan=True)
-
-
 def test_rows_stop_where_the_table_ends_and_keep_their_periods():
     # The table of the shift x -> x + 1 with four cells on [0, 4]: linear, coefficients 1 everywhere.
     look_up = lookup_kernel(1, 1)

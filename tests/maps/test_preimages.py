@@ -17,6 +17,7 @@ HENON = discrete_map(lambda x, p: (1 - A * x[0] ** 2 + x[1], B * x[0]), {}, ("x"
 CAT = discrete_map(lambda x, p: (2 * x[0] + x[1], x[0] + x[1]), {}, (angle("a"), angle("b")))
 SQUARE = discrete_map(lambda x, p: (x[0] ** 2, 0.5 * x[1]), {}, ("x", "y"))
 NONE = np.zeros((2, 2))
+ON_SQUARE, ON_TORUS = LiftedMap(SQUARE, NONE), LiftedMap(CAT, extra_turns(CAT, NONE[0]))
 RNG = np.random.default_rng(4)
 
 
@@ -51,7 +52,7 @@ def test_rotations_of_angles_with_other_periods():
 
 def test_steps_are_continuous_across_branch_cuts():
     """On the plane the cat map is linear."""
-    step = LiftedMap(CAT, extra_turns(CAT, np.zeros(2)))
+    step = ON_TORUS
     points = np.vstack([RNG.uniform(-30, 30, (50, 2)), [[np.nan, 0.0]]])
     matrix = np.array([[2.0, 1.0], [1.0, 1.0]])
     np.testing.assert_allclose(step(points)[:-1], points[:-1] @ matrix.T, atol=1e-11)
@@ -89,29 +90,31 @@ def test_long_steps_are_halved():
 
 def test_where_nothing_is_mapped_there_is_no_preimage():
     """x^2 = -1; y/2 = 3 has the preimage 6, and the derivative at x = 0 is singular."""
-    found, _, settled = preimages(
-        LiftedMap(SQUARE, NONE), np.array([[-1.0, 0.0], [4.0, 3.0]]), np.array([[1.0, 0.0], [1.0, 0.0]])
-    )
+    found, _, settled = preimages(ON_SQUARE, np.array([[-1.0, 0.0], [4.0, 3.0]]), np.array([[1.0, 0.0], [1.0, 0.0]]))
     assert settled.tolist() == [False, True]
     np.testing.assert_allclose(found[1], [2.0, 6.0], rtol=1e-12)
-    assert not preimages(LiftedMap(SQUARE, NONE), np.array([[1.0, 0.0]]), np.array([[0.0, 0.0]]))[2].any()
+    assert not preimages(ON_SQUARE, np.array([[1.0, 0.0]]), np.array([[0.0, 0.0]]))[2].any()
 
 
 # --- preimages of curves
+
+
+def along(step, targets, guess):
+    return preimages_along(step, targets, np.array(guess), (targets[:1], targets[:1]))
 
 
 @pytest.mark.parametrize("side", [-1, 1])
 def test_of_two_preimages_the_one_on_the_same_side(side):
     """The preimages of a line from x = 4 to 0.01 have the signs of the first guess."""
     targets = np.stack([np.linspace(4.0, 0.01, 300), np.linspace(-1, 1, 300)], axis=-1)
-    found = preimages_along(LiftedMap(SQUARE, NONE), targets, np.array([side * 1.9, -2.0]), (targets[:1], targets[:1]))
+    found = along(ON_SQUARE, targets, [side * 1.9, -2.0])
     np.testing.assert_allclose(found, np.stack([side * np.sqrt(targets[:, 0]), 2 * targets[:, 1]], axis=-1), rtol=1e-9)
 
 
 def test_a_coarse_curve_is_followed_by_shorter_steps():
     """Neighbours are so far apart that the derivative foresees nothing of the next preimage."""
     targets = np.array([[4.0, 0.0], [0.04, 0.1], [9.0, 0.0], [0.25, 0.0]])
-    found = preimages_along(LiftedMap(SQUARE, NONE), targets, np.array([-2.0, 0.0]), (targets[:1], targets[:1]))
+    found = along(ON_SQUARE, targets, [-2.0, 0.0])
     np.testing.assert_allclose(found, [[-2.0, 0.0], [-0.2, 0.2], [-3.0, 0.0], [-0.5, 0.0]], atol=1e-9)
 
 
@@ -120,7 +123,7 @@ def test_behind_a_gap_the_nearest_known_pair_is_the_guess():
     targets = np.stack([x, 0 * x], axis=-1)
     targets[15:20] = np.nan
     known = np.array([[1.0, 0.0], [x[20], 0.0], [4.0, 0.0]]), np.array([[1.0, 0.0], [-1.5, 0.0], [2.0, 0.0]])
-    found = preimages_along(LiftedMap(SQUARE, NONE), targets, np.array([1.0, 0.0]), known)
+    found = preimages_along(ON_SQUARE, targets, np.array([1.0, 0.0]), known)
     expected = np.where(np.arange(40) < 17, 1, -1) * np.sqrt(x)
     expected[15:20] = np.nan
     np.testing.assert_allclose(found[:, 0], expected, rtol=1e-9)
@@ -129,20 +132,16 @@ def test_behind_a_gap_the_nearest_known_pair_is_the_guess():
 def test_a_curve_ends_where_it_has_no_preimage():
     """From x = 1 to -1: the preimage ends at 0, and what lies beyond has none; nothing at all has none either."""
     targets = np.stack([np.linspace(1.0, -1.0, 41), np.zeros(41)], axis=-1)
-    found = preimages_along(LiftedMap(SQUARE, NONE), targets, np.array([1.0, 0.0]), (targets[:1], targets[:1]))
+    found = along(ON_SQUARE, targets, [1.0, 0.0])
     np.testing.assert_allclose(found[:19, 0], np.sqrt(targets[:19, 0]), rtol=1e-9)
     assert np.isnan(found[21:]).all()
-    empty = preimages_along(
-        LiftedMap(SQUARE, NONE), np.full((5, 2), np.nan), np.array([1.0, 0.0]), (targets[:1], targets[:1])
-    )
-    assert np.isnan(empty).all()
+    assert np.isnan(along(ON_SQUARE, np.full((5, 2), np.nan), [1.0, 0.0])).all()
 
 
 def test_preimages_across_branch_cuts_form_one_curve():
     """Of the cat map, whose inverse is linear: (a - b, 2 b - a)."""
-    step = LiftedMap(CAT, extra_turns(CAT, np.zeros(2)))
     targets = np.linspace([0.0, 0.0], [30.0, -11.0], 200)
-    found = preimages_along(step, targets, np.zeros(2), (targets[:1], targets[:1]))
+    found = along(ON_TORUS, targets, [0.0, 0.0])
     a, b = targets.T
     np.testing.assert_allclose(found, np.stack([a - b, 2 * b - a], axis=-1), atol=1e-9)
     assert cos(found[-1, 0]) == pytest.approx(cos(41.0), abs=1e-8)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import atan2, cos, erf, gamma, inf, log, nan, nextafter, pi, sqrt
+from math import atan2, cos, erf, gamma, inf, nan, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -92,11 +92,6 @@ def writes(t: float, x: Any, p: Any) -> Any:
     return x[1], -x[0]
 
 
-def multiplies(t: float, x: Any, p: Any) -> Any:
-    x *= -1
-    return x[1], -x[0]
-
-
 def remembers(t: float, x: Any, p: Any, last: list[float] = [1.0]) -> Any:  # noqa: B006
     last[0] = x[0]
     return x[1], -last[0]
@@ -126,7 +121,6 @@ CUBES, LONG = np.linspace(-1.0, 1.0, 65) ** 3, np.linspace(0.0, 1.0, 2000)
 VALUES = (
     # systems
     (lambda: system(lambda t, x, p: (x[1],)), r"rhs returns 1 components for 2 coordinates \(q, v\)"),
-    (lambda: system(lambda t, x, p: (*x, 0.0)), r"rhs returns 3 components for 2 coordinates \(q, v\)"),
     (lambda: system(lambda t, x, p: (x[1], absent * x[0])), "'absent' is not defined.*or make it a parameter"),  # noqa: F821
     (lambda: system(names="qv"), r"coordinates='qv' has .* such as \('q', 'v'\)"),
     (lambda: free(names="qv"), r"coordinates='qv' is one name: give one for each, such as \('q', 'v'\)"),
@@ -137,19 +131,15 @@ VALUES = (
     (lambda: system(remembers), r"changes a value outside of it: .* impacts="),
     (lambda: system(period=3.0), "period=3.0: rhs at t = .* give the period of the forcing"),
     (lambda: system(period=lambda p: p.absent), "period asks for a parameter that params lacks: p.absent"),
-    (lambda: system(period=lambda p: nan), "period=nan: give a finite number"),
-    (lambda: system(params={**PARAMS, "not a name": 1.0}), "params has the name 'not a name'"),
-    (lambda: system(params={**PARAMS, "_hidden": 1.0}), "params has the name '_hidden'"),
-    (lambda: system(params={**PARAMS, "lambda": 1.0}), "params has the name 'lambda'"),
-    (lambda: system(params={**PARAMS, 3: 1.0}), "params has the name 3"),
+    *(
+        (lambda name=name: system(params={**PARAMS, name: 1.0}), f"params has the name {name!r}")
+        for name in ("not a name", "_hidden", "lambda", 3)
+    ),
     (lambda: system().with_params(gama=0.3), r"no \['gama'\]: this system has \['delta', 'gamma', 'omega'\]"),
-    (lambda: system().with_params(omega=3.0), "give the period of the forcing"),
     (lambda: signs((1.0, 1.0)), "give 1, one for each switching function"),
-    (lambda: signs((7.0,)), "at most 1"),
     (lambda: free(lambda t, x, p, s: (x[1], s[1]), switches=SPEED), "as many switches as there are signs"),
     (lambda: struck(lambda t, x, p: x[5]), r"impacts\[0\].guard fails at"),
     (lambda: struck(reset=lambda t, x, p: x[:1]), r"impacts\[0\].reset returns .* the 2 state variables"),
-    (lambda: struck(lambda t, x, p: log(x[0] - 5.0), lambda t, x, p: (x[0],)), r"impacts\[0\]\.reset returns .*the 2"),
     (lambda: Impact(BALL.guard, BALL.reset, direction=2), "direction=2"),
     (lambda: struck(lambda t, x, p: x), r"impacts\[0\].guard returns .*: return a number"),
     (lambda: system(lambda t, x, p: (x.v, -x.q)), r"reads x.v: x is a plain tuple; begin with `q, v = x`"),
@@ -160,20 +150,14 @@ VALUES = (
     # coordinates and grids
     (lambda: Coordinate("x", lower=0.0), "lower=0.0: only an angle has a branch cut"),
     (lambda: Coordinate("x", period=0.0), "period=0.0: the period of an angle is a positive number"),
-    (lambda: Coordinate("x", period=inf), "period=inf: the period of an angle is a positive number"),
     (lambda: Coordinate("x", "deg", period=2 * pi), "unit='deg': an angle in degrees has period=360"),
     (lambda: Coordinate("x", period=1.0, lower=nan), "lower=nan: the branch cut of an angle is a finite number"),
     (lambda: as_coordinates(("x", angle("x"))), "one different name for each state variable"),
-    (lambda: as_coordinates(()), "one different name for each state variable"),
     (lambda: grid((2.0, 0.0)), "empty or inverted.*lower has the lower ends of all axes"),
-    (lambda: grid((0.0, 2.0), (1.0, -2.0)), r"lower=2.0, upper=-2.0 along axis 1.*empty or inverted; exchange"),
     (lambda: grid((-2, 2), (2, 2), (5, 5)), r"lower=2.0, upper=2.0 along axis 1.*for a slice give one cell"),
     (lambda: grid(shape=40), r"such as shape=\(40, 40\)"),
     (lambda: grid(shape=(4,)), "a grid needs one entry for each coordinate"),
-    (lambda: grid((0.0, 0.0), (1.0, 1.0), (4, 4), (True,)), "a grid needs one entry for each coordinate"),
     (lambda: grid((-1e308, 0.0), (1.7e308, 1.0)), "no floating-point numbers separate"),
-    (lambda: grid((1.0, 0.0), (nextafter(1.0, 2.0), 1.0)), "no floating-point numbers separate"),
-    (lambda: grid((0.0, 0.0), (5e-324, 1.0)), "no floating-point numbers separate"),
     (lambda: grid().locate([0.5]), "its last axis must hold 2 coordinates"),
     (lambda: grid((-pi, -1.0), (2 * pi, 1.0)).on(as_coordinates((angle("a"), "v"))), "more than one period"),
     (lambda: CellGrid(0, 1, 5).on(as_coordinates(("q", "v"))), "grid has 1 axis and the system 2 coordinates"),
@@ -182,8 +166,6 @@ VALUES = (
     (lambda: mapping(lambda x, p: (x[0], p.c)), "function asks for a parameter that params lacks"),
     (lambda: mapping(lambda p, x: (p.a, x[0])), "reads a parameter a of the state, .* before the parameters"),
     (lambda: HENON.iterate(0.5, 1), r"points has shape \(\): its last axis must hold the 2 state variables"),
-    (lambda: HENON([1.0, 2.0, 3.0]), r"points has shape \(3,\)"),
-    (lambda: HENON.orbit([[1.0, nan]], 1), r"points\[0, 1\] = nan: remove points that are not finite"),
     (lambda: HENON([[1.0, 2.0], [inf, 0.0]]), r"points\[1, 0\] = inf: remove points that are not finite"),
     (lambda: jacobian(HENON, [[0.1]]), "its last axis must hold the 2 state variables"),
     (lambda: HENON.error(), "is exact; only an interpolated map has an error"),
@@ -191,13 +173,11 @@ VALUES = (
     (lambda: interpolated_map(HENON, SQUARE, 5, "reflect"), "outside='reflect': choose one of 'escape', 'integrate'"),
     (lambda: interpolated_map(HENON, SQUARE, tolerance=0.0), "tolerance=0.0: give a number above 0"),
     (lambda: interpolated_map(HENON, SQUARE, max_step=3), "max_step=3"),
-    (lambda: interpolated_map(HENON, CellGrid(0, 1, 8)), "grid has 1 axis and the system 2 coordinates"),
     (lambda: table().error(0), "n_samples=0"),
     (lambda: find_basins(HENON, CellGrid(0, 1, 8)), r"has 1 axis .*: x, y; initial_conditions=CellGrid.*: give one"),
     # flows
     (lambda: stroboscopic_map(DRIVEN, method="RK4"), "method='RK4': choose one of 'auto', 'DOP853', 'RK45', 'Taylor'"),
     (lambda: stroboscopic_map(DRIVEN, rtol=0.0), "rtol=0.0: give a number of at least 1e-14"),
-    (lambda: stroboscopic_map(DRIVEN, rtol=0.11), r"rtol=0\.11"),
     (lambda: stroboscopic_map(DRIVEN, atol=1e-15), "atol=1e-15: give a number of at least 1e-14"),
     (lambda: stroboscopic_map(DRIVEN, atol={"R": 1e-9}), "there is no 'R'; coordinates are x, v"),
     (lambda: stroboscopic_map(DRIVEN, atol=(1e-9,) * 3), "one for each of 2 coordinates"),
@@ -210,7 +190,6 @@ VALUES = (
     (lambda: inverse_stroboscopic_map(free(impacts=[BALL])), "impacts"),
     (lambda: trajectory(free(), [0.1, 0.1], 1).output("power"), "name='power': the outputs of"),
     (lambda: integrate(free(), [0.1, 0.1], 0.0, -1.0), "duration=-1.0: give a number above 0"),
-    (lambda: integrate(free(), [0.1, 0.1], 0.0, 0.0), "duration=0.0: give a number above 0"),
     (lambda: section_map(DRIVEN, ("v", 0.0, 1)), "depends on time"),
     (lambda: flow_map(DRIVEN, 1.0), "depends on time"),
     (lambda: section_map(free(impacts=[BALL]), ("v", 0.0, -1)), "impacts"),
@@ -221,15 +200,11 @@ VALUES = (
     # maps with parameters in the state, and maps from recipes
     (lambda: swept_map(HENON, "depth"), "parameters='depth'"),
     (lambda: swept_map(HENON, "a", "a"), "different parameters"),
-    (lambda: swept_map(HENON), "different parameters"),
     (lambda: swept_map(replace(HENON, name="other"), "a"), "build it from a MapSpec"),
     (lambda: swept_map(stroboscopic_map(system(rate, {"w": 2.0}, pi, "q")), "w"), "period=lambda p"),
     (lambda: swept_system(DRIVEN), r"parameters=.*: give the names of one or several different parameters"),
-    (lambda: swept_system(DRIVEN, *["damping"] * 2), r"parameters=.*: give the names of one or several different"),
     (lambda: swept_system(DRIVEN, "nothing"), r"parameters='nothing': .*damping"),
-    (lambda: rebuild_map(HENON, {"kind": "stroboscopic", "phase": 0.0}), "cannot be rebuilt from .*: give its system"),
     (lambda: rebuild_map(DRIVEN, {"kind": "discrete"}), "cannot be rebuilt from .*: give its system"),
-    (lambda: rebuild_map(DRIVEN, {}), "cannot be rebuilt from .*: give its system"),
     # enclosures
     (lambda: enclosed(mapping(lambda x, p: (abs(x[0]), x[1]))), "fabs is not enclosed"),
     (lambda: enclosed(mapping(lambda x, p: (x[0] if x[0] > 0 else 1.0, x[1]))), "a branch is not enclosed"),
@@ -246,10 +221,8 @@ VALUES = (
 TYPES = (
     (lambda: free(lambda x, t, p: (x[1], -x[0] + cos(2 * t))), r"state before the time: .* rhs\(t, x, p\)"),
     (lambda: system(lambda t, x: x), r"rhs must be callable as rhs\(t, x, p\)"),
-    (lambda: system(lambda t, x, p: None), "rhs must be callable .* and return a tuple"),
     (lambda: system(lambda t, x, p: -0.5 * x), r"x and p are tuples: write x\[0\], x\[1\], .* np.array"),
     (lambda: system(lambda t, x, p: ("a", "b")), "its components must be real numbers"),
-    (lambda: system(lambda t, x, p: (1j, 0.0)), "its components must be real numbers"),
     (lambda: system(lambda t, x, p: (x[1], -p["d"] * x[1])), r"p\['name'\]: p is a named tuple; write p.name"),
     (lambda: free(lambda t, x, p: -x[0], names=("x",)), r"not iterable; return .*`return \(value,\)`"),
     (lambda: ForcedSystem(duffing, PARAMS, pi), "missing .* argument: 'coordinates'"),
@@ -274,7 +247,6 @@ TYPES = (
     (lambda: rebuild_map("pendulum", {"kind": "discrete"}), "source='pendulum': give a ForcedSystem or a PointMap"),
     (lambda: section_map(free(), 3), "section=3"),
     (lambda: strobe(writes), r"changes the state x .* declare impacts=\[Impact\(guard, reset\)\]"),
-    (lambda: strobe(multiplies), r"changes the state x .* declare impacts=\[Impact\(guard, reset\)\]"),
     (lambda: strobe(lambda t, x, p: max((-x[0], -x[1]), (-x[1], 2.0 * x[0]))), "cannot be compiled"),
     (lambda: strobe(by_name), "cannot be compiled: write it with plain arithmetic"),
     (lambda: strobe(lambda t, x, p: (x[1], -special.jv(0, x[0])))([0.1, 0.2]), r"says: Unknown attribute 'jv'[^\n]*$"),
@@ -283,7 +255,6 @@ TYPES = (
         r"equal distances.*systems\.sampled_drive",
     ),
     (lambda: switched(lambda t, x, p, s: (x[1], -s[0] * gamma(x[0] + 9.0)), SPEED), "analytic functions of math"),
-    (lambda: switched(BLOCK["rhs"], lambda t, x, p: (gamma(x[1] + 9.0) - 0.1,)), "analytic functions of math"),
     (lambda: switched(BLOCK["rhs"], lambda t, x, p: x[1]), "and return a tuple"),
     (lambda: switched(BLOCK["rhs"], lambda t, x: (x[1],)), r"switches as switches\(t, x, p\)"),
     (lambda: switched(compares, SPEED), r"functions of math \(the value of a state variable, .* branch"),

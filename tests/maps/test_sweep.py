@@ -32,29 +32,14 @@ def test_images_are_those_of_each_value(pendulum: PointMap) -> None:
         assert (image[2:] == state[2:]).all()
 
 
-@pytest.mark.thorough
-def test_derivatives_by_a_parameter(pendulum: PointMap) -> None:
-    # Against Richardson's extrapolation of central differences.
-    state, h = np.array([1.0, 31.4]), 1e-6
-    for name in ("amplitude", "frequency"):
-        value = pendulum.params[name]
-
-        def slope(step: float, name: str = name, value: float = value) -> np.ndarray:
-            ahead, behind = (pendulum.with_params(**{name: value + s * step})(state) for s in (1.0, -1.0))
-            return (ahead - behind) / (2.0 * step)
-
-        step = h * max(value, 1.0) if name != "amplitude" else 1e-5
-        expected = (4.0 * slope(step) - slope(2.0 * step)) / 3.0
-        found = jacobian(swept_map(pendulum, name), [*state, value])
-        np.testing.assert_allclose(found[:2, 2], expected, rtol=1e-5, atol=1e-7)
-        np.testing.assert_array_equal(found[2], [0.0, 0.0, 1.0])
-
-
-def test_a_discrete_map() -> None:
+def test_discrete_maps() -> None:
     henon = henon_map()
     swept = swept_map(henon, "b", "a")
     np.testing.assert_array_equal(swept([0.5, 0.2, 0.1, 1.2])[:2], henon.with_params(a=1.2, b=0.1)([0.5, 0.2]))
     np.testing.assert_allclose(jacobian(swept, [0.5, 0.2, 0.1, 1.2])[:2, 2:], [[0.0, -0.25], [0.5, 0.0]], rtol=1e-14)
+    circle = swept_map(discrete_map(lambda x, p: (x[0] + p.x,), {"x": 1.0}, (angle("x"),)), "x")
+    assert [c.name for c in circle.coordinates] == ["x", "parameter x"]
+    np.testing.assert_array_equal(circle.iterate([[0.0, 7.0]], 3).rotations, [[3, 0]])
 
 
 def test_the_method_is_that_of_the_map() -> None:
@@ -63,11 +48,6 @@ def test_the_method_is_that_of_the_map() -> None:
     exact = stroboscopic_map(system)
     assert method_of(exact) == "Rosenbrock"
     assert exact.specified.swept(("mu",)).motion.kernel.method == "Rosenbrock"
-
-
-def test_a_parameter_called_like_a_state() -> None:
-    shift = discrete_map(lambda x, p: (x[0] + p.x,), {"x": 1.0}, ("x",))
-    assert [c.name for c in swept_map(shift, "x").coordinates] == ["x", "parameter x"]
 
 
 @pytest.mark.thorough
@@ -103,11 +83,6 @@ def test_a_table_gives_the_exact_map(pendulum: PointMap) -> None:
     assert other.table is not None
     assert other.params["amplitude"] == 0.0
     assert other.recipe["shape"] == table.recipe["shape"]
-
-
-def test_rotations_are_counted() -> None:
-    circle = discrete_map(lambda x, p: (x[0] + p.shift,), {"shift": 1.0}, (angle("theta"),))
-    np.testing.assert_array_equal(swept_map(circle, "shift").iterate([[0.0, 7.0]], 3).rotations, [[3, 0]])
 
 
 def test_a_period_that_follows_the_parameter() -> None:

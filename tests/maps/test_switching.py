@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import itertools
 from collections.abc import Callable
 from math import exp, pi, sqrt
 from typing import Any
@@ -20,7 +19,6 @@ from discontinuous_systems import (
     curved,
     differences,
     initial_conditions_of,
-    masses_at,
     relay,
     relay_at,
     rubbed,
@@ -31,7 +29,7 @@ from two_tiers import at_once
 from cellmap import ForcedSystem, Status, stroboscopic_map
 from cellmap._compiled.kernels.blocks import LANES
 from cellmap.maps import ToleranceWarning, jacobian
-from systems import dimensionless_pendulum, double_pendulum, triple_pendulum
+from systems import dimensionless_pendulum, triple_pendulum
 
 
 @functools.cache
@@ -80,17 +78,6 @@ def test_sections_at_negative_times_are_those_a_period_later() -> None:
         stroboscopic_map(system, phase=phase).iterate(initial_conditions, 1).unwrapped for phase in (-1.3, 0.7)
     )
     np.testing.assert_allclose(before, after, atol=1e-8)
-
-
-@pytest.mark.slow
-def test_the_cases_see_every_mode() -> None:
-    """Of two switches each slides alone, on both sides of the other, and both at once."""
-    every = set(itertools.product((-1, 0, 1), repeat=2))
-    for system, span in ((masses_at(0.7, 0.2), [1.0] * 4), (double_pendulum(friction=3000.0), [pi, pi, 30.0, 30.0])):
-        log: list[tuple[float, Array, Mode, Mode]] = []
-        for ic in initial_conditions_of(span, 40):
-            Oracle(system).image(ic, log)
-        assert {mode for _, _, *modes in log for mode in modes} == every
 
 
 @pytest.mark.slow

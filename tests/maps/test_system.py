@@ -98,29 +98,13 @@ def test_numpy_functions_of_the_state_as_a_whole() -> None:
     assert np.array_equal(whole([0.3, -1.0]), parts([0.3, -1.0]))
 
 
-def test_a_right_hand_side_that_is_not_defined_everywhere() -> None:
+def test_what_right_hand_sides_and_their_parameters_may_be() -> None:
+    """Not defined everywhere, with parameters called like methods of tuples, and with truth values as switches."""
     assert system(rhs=lambda t, x, p: (sqrt(cos(t) - 0.9), -x[1]), period=2 * pi).dimension == 2
-
-
-def test_a_parameter_may_have_the_name_of_a_method_of_tuples() -> None:
-    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
-        return x[1], -p.count * x[0] + p.index
-
-    one = system(rhs=rhs, params={"count": 2.0, "index": 3.0})
-    assert one.derivative(0.0, (1.0, 0.0)) == (0.0, 1.0)
-
-
-def rubbed(t, x, p, s):
-    return x[1], -x[0] - p.limit * s[0]
-
-
-def test_switches_may_be_truth_values():
-    block = ForcedSystem(rubbed, {"limit": 0.3}, 1.0, ("x", "v"), switches=lambda t, x, p: (x[1] > 0.0,))
+    named = system(rhs=lambda t, x, p: (x[1], -p.count * x[0] + p.index), params={"count": 2.0, "index": 3.0})
+    assert named.derivative(0.0, (1.0, 0.0)) == (0.0, 1.0)
+    block = system(rhs=lambda t, x, p, s: (x[1], -x[0] - 0.3 * s[0]), switches=lambda t, x, p: (x[1] > 0.0,))
     assert block.signs(0.0, (0.0, 1.0)) == (1.0,)
-
-
-def q_and_v(t, x, p):
-    return x[1], -x[0] - p.d * x[1] + cos(t)
 
 
 def reverses(t, x, p):
@@ -174,15 +158,14 @@ def test_other_branches_are_not_warned_of(rhs):
 
 def test_parameters_are_read_only():
     """What is built from them would not follow."""
-    system = ForcedSystem(q_and_v, {"d": 0.1}, 2 * pi, ("q", "v"))
-    for change in (lambda p: p.__setitem__("d", 1.0), lambda p: p.update(d=1.0), lambda p: p.pop("d")):
+    params = system().params
+    for change in (lambda p: p.__setitem__("delta", 1.0), lambda p: p.update(delta=1.0), lambda p: p.pop("delta")):
         with pytest.raises(TypeError, match=r"with_params\(name=value\)"):
-            change(system.params)
-    assert system.params == {"d": 0.1}
-    with pytest.raises(KeyError, match=r"params\['gamma'\]: choose one of 'd'; params.get\(key\) is None for others"):
-        system.params["gamma"]
-    assert pickle.loads(pickle.dumps(system.params)) == system.params
-    assert {**system.params, "e": 2.0} == {"d": 0.1, "e": 2.0}
+            change(params)
+    with pytest.raises(KeyError, match=r"params\['d'\]: choose one of 'delta', .*; params.get\(key\) is None"):
+        params["d"]
+    assert pickle.loads(pickle.dumps(params)) == params == PARAMS
+    assert {**params, "e": 2.0} == PARAMS | {"e": 2.0}
 
 
 def test_jumps_at_the_ends_of_the_period():
@@ -205,34 +188,27 @@ def coupled(t: float, x: Any, p: Any) -> tuple[Any, ...]:
     return tuple(-x[i] + p.P[i] * cos(t) + p.c * sum(p.K[i, j] * (x[j] - x[i]) for j in range(2)) for i in range(2))
 
 
-def by_numbers(t: float, x: Any, p: Any) -> tuple[Any, ...]:
-    a, b = x
-    return -a + p.P0 * cos(t) + p.c * p.K01 * (b - a), -b + p.P1 * cos(t) + p.c * p.K10 * (a - b)
-
-
 SYSTEM = ForcedSystem(coupled, {"K": MATRIX, "c": 2.0, "P": POWERS}, 2 * pi, ("a", "b"))
-NUMBERS = ForcedSystem(by_numbers, {"c": 2.0, "K01": 0.3, "K10": 0.2, "P0": 0.5, "P1": -0.1}, 2 * pi, ("a", "b"))
 
 
 def test_arrays_are_as_good_as_numbers() -> None:
-    exact = stroboscopic_map(SYSTEM)
-    np.testing.assert_allclose(exact([0.3, 0.4]), stroboscopic_map(NUMBERS)([0.3, 0.4]), rtol=1e-9)
+    def by_numbers(t: float, x: Any, p: Any) -> tuple[float, float]:
+        return -x[0] + 0.5 * cos(t) + 0.6 * (x[1] - x[0]), -x[1] - 0.1 * cos(t) + 0.4 * (x[0] - x[1])
+
+    exact, numbers = (stroboscopic_map(s) for s in (SYSTEM, ForcedSystem(by_numbers, {}, 2 * pi, ("a", "b"))))
+    np.testing.assert_allclose(exact([0.3, 0.4]), numbers([0.3, 0.4]), rtol=1e-9)
     assert list(exact.params)[:5] == ["K[0, 0]", "K[0, 1]", "K[1, 0]", "K[1, 1]", "c"]
     assert "K: 4 entries" in repr(SYSTEM) and "K: 4 entries" in repr(exact)
     np.testing.assert_array_equal(SYSTEM.parameters.K, MATRIX)
 
 
-def test_arrays_and_entries_change() -> None:
+def test_arrays_and_entries_change_and_are_swept() -> None:
+    exact, own = stroboscopic_map(SYSTEM), {"K[0, 1]": 0.2, "K[1, 0]": 0.3}
     changed = SYSTEM.with_params(K=MATRIX.T)
     np.testing.assert_array_equal(changed.parameters.K, MATRIX.T)
-    exact, own = stroboscopic_map(SYSTEM), {"K[0, 1]": 0.2, "K[1, 0]": 0.3}
     np.testing.assert_array_equal(exact.with_params(**own)([0.3, 0.4]), stroboscopic_map(changed)([0.3, 0.4]))
-
-
-def test_entries_are_swept_like_numbers() -> None:
-    swept = swept_map(stroboscopic_map(SYSTEM), "K[0, 1]")
-    expected = stroboscopic_map(SYSTEM.with_params(**{"K[0, 1]": 0.7}))([0.3, 0.4])
-    np.testing.assert_allclose(swept([[0.3, 0.4, 0.7]])[0, :2], expected, rtol=1e-8)
+    expected = exact.with_params(**{"K[0, 1]": 0.7})([0.3, 0.4])
+    np.testing.assert_allclose(swept_map(exact, "K[0, 1]")([[0.3, 0.4, 0.7]])[0, :2], expected, rtol=1e-8)
 
 
 def test_pickles_and_discrete_maps() -> None:

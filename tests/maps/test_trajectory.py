@@ -78,13 +78,9 @@ def test_shapes_and_times():
     assert motion.output("phase").shape == (36, 3, 4, 2)
     assert motion.times == pytest.approx(pi + np.arange(36) * 2 * pi / 7)
     assert (motion.periods, motion.samples) == (5, 7)
+    none = trajectory(OSCILLATOR, np.zeros((0, 2)), 3)
+    assert (none.states.shape, none.output("energy").shape) == ((193, 0, 2), (193, 0, 1))
     assert repr(motion) == "Trajectory(oscillator: 12 initial conditions, 5 periods of 7 samples)"
-
-
-def test_no_initial_conditions():
-    motion = trajectory(OSCILLATOR, np.zeros((0, 2)), 3)
-    assert motion.states.shape == (193, 0, 2)
-    assert motion.output("energy").shape == (193, 0, 1)
 
 
 def test_angles_are_unwrapped_from_the_given_initial_condition():

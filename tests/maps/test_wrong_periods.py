@@ -32,11 +32,9 @@ TERMS = ((7, 100), (116, 200), (252, 300), (308, 356))
 # Each with period 1.
 FORCES = {
     "square": square,
-    "square, with numpy": lambda t: np.where(t % 1.0 < 0.25, 1.0, -1.0),
     "square, by signs": lambda t: copysign(1.0, sin(2 * pi * t)),
     "small square in a large cosine": lambda t: 5.0 * cos(2 * pi * t) + 0.2 * square(t),
     "school terms": lambda t: 1.29 if any(a <= 365 * (t % 1) < b for a, b in TERMS) else 0.95,
-    "short pulse": lambda t: 1.0 if t % 1.0 < 0.004 else 0.0,
     "shorter pulse, with numpy": lambda t: np.where(t % 1.0 < 0.002, 1.0, 0.0),
     "smooth pulse": lambda t: exp(-2000.0 * sin(pi * t - 0.3) ** 2),
     "steep": lambda t: tanh(200.0 * sin(2 * pi * t)),
@@ -88,23 +86,15 @@ def test_impacts_with_another_period_are_refused(frequency) -> None:
     def bounce(t, x, p):
         return x[0], -0.8 * x[1] + 0.1 * sin(frequency * t)
 
-    def bounces(guard, reset, period) -> ForcedSystem:
-        return forced(cos, period, impacts=[Impact(guard, reset)])
-
     still = Impact(lambda t, x, p: x[0] - 2.0, lambda t, x, p: (x[0], -0.8 * x[1]))
     for guard, reset, name in ((wall, still.reset, "guard"), (still.guard, bounce, "reset")):
         with pytest.raises(ValueError, match=rf"period=6.28.*: impacts\[0\].{name} at t = (.*) and one period later"):
-            bounces(guard, reset, 2 * pi)
-    together = 20 * pi if frequency == 1.3 else 20000 * pi
-    assert bounces(wall, bounce, together).length == together
-
-
-def test_a_square_wall_that_moves_with_a_slightly_wrong_period() -> None:
-    def wall(t, x, p):
-        return x[0] - (2.0 if t % (2.001 * pi) < 3.0 else 1.0)
-
+            forced(cos, 2 * pi, impacts=[Impact(guard, reset)])
+    square_wall = Impact(lambda t, x, p: x[0] - (2.0 if t % (2.001 * pi) < 3.0 else 1.0), still.reset)
     with pytest.raises(ValueError, match=r"impacts\[0\].guard at t = 3"):
-        forced(cos, 2 * pi, impacts=[Impact(wall, lambda t, x, p: (x[0], -x[1]))])
+        forced(cos, 2 * pi, impacts=[square_wall])
+    together = 20 * pi if frequency == 1.3 else 20000 * pi
+    assert forced(cos, together, impacts=[Impact(wall, bounce)]).length == together
 
 
 def test_short_pulses_and_moving_walls_are_no_autonomous_systems() -> None:
@@ -128,15 +118,11 @@ def test_values_that_are_infinite_for_a_while_bring_no_warning() -> None:
 
 CASES = {
     "5 Hz as a period": (lambda t: cos(2 * pi * 5 * t), 5.0, 25),
-    "50 Hz as a period": (lambda t: cos(100 * pi * t), 1.0, 50),
-    "three periods": (lambda t: cos(t), 6 * pi, 3),
     "two frequencies": (lambda t: cos(t) + 0.01 * cos(3 * t), 2 * pi, 1),
     "a subharmonic": (lambda t: cos(6 * t) + 1e-4 * sin(2 * t), 2 * pi, 2),
     "a thousand": (lambda t: sin(2000 * pi * t), 1.0, 1000),
-    "half a period of a square": (lambda t: cos(t) ** 2, 2 * pi, 2),
     "a pulse": (lambda t: exp(-200.0 * sin(t / 2) ** 2), 6 * pi, 3),
-    "a square wave": (lambda t: 1.0 if t % 1.0 < 0.25 else -1.0, 1.0, 1),
-    "three square waves": (lambda t: 1.0 if t % 1.0 < 0.25 else -1.0, 3.0, 3),
+    "a square wave": (square, 1.0, 1),
     "a short rectangular pulse": (lambda t: 1.0 if t % 1.0 < 0.002 else 0.0, 1.0, 1),
     "rest between half waves": (lambda t: max(0.0, sin(2 * pi * t) - 0.999), 1.0, 1),
     "one pulse in a fast drive": (lambda t: cos(10 * t) + exp(-50.0 * sin(t / 2) ** 2), 2 * pi, 1),
@@ -162,15 +148,12 @@ def test_time_that_plays_no_part_has_no_shortest_period() -> None:
     assert forced(lambda t: cos(2 * t), lambda p: 2 * pi).with_params(d=0.3).shortest_period == pytest.approx(pi)
 
 
-def test_a_warning_of_slow_images_names_the_period() -> None:
-    """A thousand cycles need more steps than there are."""
+def test_a_warning_of_slow_images_names_the_period(recwarn) -> None:
+    """A thousand cycles need more steps than there are; three that are wanted bring no warning."""
+    find_basins(stroboscopic_map(forced(lambda t: cos(t), 6 * pi)), CellGrid((-1, -1), (1, 1), (4, 4)))
+    assert not recwarn.list
     fast = forced(lambda t: cos(2 * pi * 500 * t), 2.0)
     exact = stroboscopic_map(fast, method="DOP853", max_steps=64)
     with pytest.warns(UserWarning) as caught:
         find_basins(exact, CellGrid((-1, -1), (1, 1), (4, 4)), max_periods=4)
     assert any("rhs repeats 1000 times in period=2: give 0.002" in str(w.message) for w in caught)
-
-
-def test_three_cycles_that_are_wanted_bring_no_warning(recwarn) -> None:
-    find_basins(stroboscopic_map(forced(lambda t: cos(t), 6 * pi)), CellGrid((-1, -1), (1, 1), (4, 4)))
-    assert not recwarn.list
