@@ -113,7 +113,9 @@ def test_orbits_that_leave_the_window_keep_their_own_code():
     assert (lost.settings["map"], lost.point_map is icm) == (icm.recipe, True)
     assert (lost.name, lost.coordinates, lost.params) == (icm.name, icm.coordinates, icm.params)
     assert min(lost.cost.seconds, lost.cost.steps) > lost.inaccurate == 0
-    assert lost.verify(200).excluded > 0
+    check = lost.verify(500)
+    assert (check.compared + check.excluded, check.wrong) == (500, 0)
+    assert check.excluded / 500 == pytest.approx(lost.fractions[Label.ESCAPED].fraction, abs=0.05)
 
 
 def test_an_attractor_outside_the_window_of_a_table_keeps_its_basin():

@@ -92,18 +92,13 @@ def test_errors_of_larger_tables():
 
 
 def test_fallback_falls_and_ends():
+    """No faster than the order allows: an error of order 3 falls by 2^4 over a factor of 2 in size at the most."""
     probe = table_probe(3, fallback=((64, 4.0), (128, 2.0)))
-    assert fallback_of(probe, 96) == pytest.approx(4.0 * 64 / 96)
-    assert fallback_of(probe, 512) == pytest.approx(0.5)
-    assert fallback_of(probe, 32) == pytest.approx(4.0)
-    assert fallback_of(table_probe(3, fallback=((64, 4.0), (128, 0.0))), 256) == 0.0
-    assert fallback_of(table_probe(3), 256) == 0.0
-
-
-def test_the_exact_map_is_needed_no_more_rarely_than_the_order_allows():
-    """From 4 to 1e-3 over a factor of two in size; an error falls by 2^4 at most, and so does what it causes."""
-    assert fallback_of(table_probe(3, fallback=((64, 4.0), (128, 1e-3))), 256) == pytest.approx(1e-3 / 16)
-    assert fallback_of(table_probe(1, fallback=((64, 4.0), (128, 1e-3))), 512) == pytest.approx(1e-3 / 16)
+    assert [fallback_of(probe, n) for n in (96, 512, 32)] == pytest.approx([4.0 * 64 / 96, 0.5, 4.0])
+    assert fallback_of(table_probe(3, fallback=((64, 4.0), (128, 0.0))), 256) == fallback_of(table_probe(3), 256) == 0.0
+    for order, cells in ((3, 256), (1, 512)):
+        fast = table_probe(order, fallback=((64, 4.0), (128, 1e-3)))
+        assert fallback_of(fast, cells) == pytest.approx(1e-3 / 16)
 
 
 def test_costs_are_sums_of_their_parts():
@@ -128,16 +123,10 @@ def test_costs_are_sums_of_their_parts():
     assert table.error == pytest.approx(error_of(measured.tables[0], sized(SQUARE, 32)) + 2.0 * exact.error)
 
 
-def test_a_table_serves_many_periods_and_the_integrator_few():
+def test_a_table_serves_many_periods_and_the_integrator_few_or_four_dimensions():
+    """A table in four dimensions takes some million images and slow look-ups."""
     assert chosen(measurements(periods=100.0)).kind == "table"
-    few = measurements(
-        initial_conditions=500, periods=1.0, tables=tuple(table_probe(o, periods=1.0) for o in (1, 3, 5))
-    )
-    assert chosen(few, 1e-9).kind == "direct"
-
-
-def test_four_dimensions_are_integrated():
-    """A table there takes some million images and slow look-ups."""
+    assert chosen(measurements(initial_conditions=500, periods=1.0), 1e-9).kind == "direct"
     window = CellGrid((-1,) * 4, (1,) * 4, (16,) * 4)
     slow = tuple(table_probe(o, labelling=Labelling(0.1, 20 * 5e-6)) for o in (3, 5))
     tables = tuple(
@@ -205,9 +194,7 @@ def test_tables_grow_to_the_first_that_memory_cannot_hold():
     assert needs[-1] > 2 * 10**7 >= needs[-2]
     measured = measurements(window=CellGrid((-1, -3), (1, 3), (100, 50)))
     assert table_grids(measured, measured.tables[0])[0].shape == (32, 16)
-
-
-def test_the_most_accurate_way_where_none_serves():
+    # Where none serves, the most accurate way is taken.
     option, met = choose(options_of(measurements()), 1e-20)
     assert not met
     assert option.error == min(o.error for o in options_of(measurements()))
