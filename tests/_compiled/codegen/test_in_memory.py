@@ -61,9 +61,7 @@ def moved(advance: CompiledPeriod, dimension: int) -> tuple[Any, Any]:
 
 
 def traced(rhs: Any, dimension: int) -> Trace:
-    found = traced_function(rhs, dimension, NAMES)
-    assert found is not None
-    return found
+    return traced_function(rhs, dimension, NAMES)
 
 
 @pytest.mark.parametrize(

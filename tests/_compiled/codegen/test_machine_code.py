@@ -25,14 +25,11 @@ from cellmap._compiled.machine_code import assembly_for, object_code
 def applied(function: Any, points: Any, parameters: tuple[float, ...] = ()) -> Any:
     """Images of points (n, d) under a traced function of the state, in lanes."""
     n, d = points.shape
-    blocks = np.zeros((-(-n // LANES), d, LANES))
-    blocks.transpose(0, 2, 1).reshape(-1, d)[:n] = points
-    padded = np.zeros((blocks.shape[0] * LANES, d))
+    padded = np.zeros((-(-n // LANES) * LANES, d))
     padded[:n] = points
     blocks = np.ascontiguousarray(padded.reshape(-1, LANES, d).transpose(0, 2, 1))
     names = tuple(f"p{i}" for i in range(len(parameters)))
     kernel = discrete_kernel(lambda t, x, p: function(x, p), d, names, 0)
-    assert kernel is not None
     kernel(blocks, np.ones(len(blocks), np.int64), 0.0, 1.0, np.array(parameters), np.empty_like(blocks))
     return blocks.transpose(0, 2, 1).reshape(-1, d)[:n]
 
@@ -42,7 +39,6 @@ def test_elementary_functions_are_the_same_in_vectors_and_alone_to_the_bit(name:
     function = getattr(math, name)
     values = np.concatenate([np.random.default_rng(0).uniform(-30.0, 30.0, 1000), [0.0, -0.0, 1e9, 800.0, math.nan]])
     alone = tangent_step(lambda t, x, p: (function(x[0]),), 1, ())
-    assert alone is not None
     rows, none = np.stack([values, np.zeros_like(values)], axis=1), np.zeros(1)
     step = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p)(alone.address("step"))
     step(rows.ctypes.data, len(rows), none.ctypes.data)
@@ -102,7 +98,6 @@ def test_other_processors_get_vector_code(processor: str) -> None:
         return x[1], -p.damping * x[1] - (1.0 + 0.2 * math.cos(t)) * math.sin(x[0])
 
     traced = traced_function(rhs, 2, ("damping",))
-    assert traced is not None
     step: Any = choose_method("auto", traced, 1e-9).write(traced)
     text = period_text(step, 2, 1, width)
     assert len(object_code(text, triple, cpu, "")) > 1000

@@ -51,7 +51,6 @@ def lane_loop(assembly: str) -> Loop:
 
 def assembly_of(rhs: Callable[..., Any], dimension: int, names: tuple[str, ...], method: str = "auto") -> str:
     traced = traced_function(rhs, dimension, names)
-    assert traced is not None
     step: Any = choose_method(method, traced, 1e-9).write(traced)
     assembly: str = compiled_period(step, dimension, len(names)).code.assembly
     return assembly
@@ -80,7 +79,6 @@ def test_the_lane_loop_is_vector_code_without_a_call(
 
 def test_the_c_library_is_called_for_large_angles_alone(problems: Mapping[str, ForcedSystem]) -> None:
     traced = traced_function(problems["double pendulum"].rhs, 4, tuple(problems["double pendulum"].params))
-    assert traced is not None
     text = text_of(traced, "DOP853", 3)
     in_lanes = text[text.index("lane.body:") : text.index("lane.done:")]
     blocks = re.split(r"^(?=\S+:$)", in_lanes, flags=re.MULTILINE)
@@ -89,29 +87,19 @@ def test_the_c_library_is_called_for_large_angles_alone(problems: Mapping[str, F
     assert all(re.fullmatch(r"seldom\d+", name) for name in called)
 
 
-def test_a_function_without_vector_form_shows_as_a_call() -> None:
-    """The control of the test above: atan2 comes from libm, and the detector sees it."""
+def test_a_branch_on_the_state_is_vector_code_and_a_function_without_vector_form_a_call() -> None:
+    """The control of the tests above: atan2 comes from libm, and the detector sees it."""
 
-    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
-        return x[1], -math.atan2(x[0], 1.0)
-
-    assert lane_loop(assembly_of(rhs, 2, (), "DOP853")).calls > 0
-
-
-def test_a_branch_on_the_state_is_vector_code() -> None:
-    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
+    def branching(t: float, x: Any, p: Any) -> tuple[float, float]:
         stiffness = 1.0 if x[0] > 0.0 else p.k
         return x[1], math.sin(t) - stiffness * x[0]
 
-    assert lane_loop(assembly_of(rhs, 2, ("k",), "RK45")).calls == 0
+    assert lane_loop(assembly_of(branching, 2, ("k",), "RK45")).calls == 0
+    assert lane_loop(assembly_of(lambda t, x, p: (x[1], -math.atan2(x[0], 1.0)), 2, (), "DOP853")).calls > 0
 
 
 def test_a_step_of_the_undriven_pendulum_evaluates_one_sine_a_stage() -> None:
-    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
-        return x[1], -math.sin(x[0])
-
-    traced = traced_function(rhs, 2, ())
-    assert traced is not None
+    traced = traced_function(lambda t, x, p: (x[1], -math.sin(x[0])), 2, ())
     for method, stages in (("DOP853", 12), ("RK45", 7)):
         text = text_of(traced, method)
         assert text.count(" = call <4 x double> @lanes.sin.4(") == stages
@@ -121,7 +109,6 @@ def test_a_step_of_the_undriven_pendulum_evaluates_one_sine_a_stage() -> None:
 def test_what_depends_on_time_alone_stands_before_the_lane_loop(problems: Mapping[str, ForcedSystem]) -> None:
     system = problems["pendulum, 3 mm"]
     traced = traced_function(system.rhs, 2, tuple(system.params))
-    assert traced is not None
     for method in ("DOP853", "RK45", "Taylor"):
         body = text_of(traced, method, len(system.params))
         before, in_lanes = body[body.index("entry:") :].split("lane.body:")

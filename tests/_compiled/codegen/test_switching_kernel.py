@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
-import sys
-from collections.abc import Callable
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -19,6 +14,7 @@ from cellmap._compiled.codegen.switching import compiled_switching
 from cellmap._compiled.kernels.events import NEVER, first_root
 from cellmap._compiled.loops import loop
 from systems import driven_pendulum
+from tests._compiled.codegen.test_structure import innermost_loops
 
 
 @loop
@@ -77,24 +73,12 @@ def test_roots_at_the_edges(coefficients: list[float], root: float) -> None:
     assert found == pytest.approx(root, abs=1e-15) or (root == 1.0 and found == NEVER)
 
 
-def structure() -> ModuleType:
-    """Detectors of vector code, from the file beside this one."""
-    spec = importlib.util.spec_from_file_location("structure_of_loops", Path(__file__).with_name("test_structure.py"))
-    assert spec is not None and spec.loader is not None
-    module = sys.modules.setdefault(spec.name, importlib.util.module_from_spec(spec))
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.usefixtures("usual_arguments")
 def test_steps_are_vector_code_without_a_call() -> None:
     """Both where lanes slide and where they do not; events alone are looked at lane by lane."""
     system = driven_pendulum(friction=10.0)
-    assert system.switches is not None
     traced = traced_switching((system.rhs, system.switches), 2, tuple(system.params))
-    assert traced is not None
     compiled: Any = compiled_switching(traced, 8, len(system.params), 1e-9)
-    innermost: Callable[[str], list[Any]] = structure().innermost_loops
-    loops = [loop for loop in innermost(compiled.code[0].assembly) if loop.packed > 100]
+    loops = [loop for loop in innermost_loops(compiled.code[0].assembly) if loop.packed > 100]
     assert len(loops) == 2
     assert all(loop.calls == 0 and loop.scalar == 0 for loop in loops)

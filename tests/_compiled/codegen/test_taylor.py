@@ -74,7 +74,6 @@ def test_every_recurrence_and_the_order() -> None:
 
 def test_the_exponential_is_its_series() -> None:
     traced = trace(lambda t, x, p: (x[0],), 1, ())
-    assert traced is not None
     image, estimate = step(traced, [1.0], 0.0, 1.0, [], 12)
     assert image[0] == pytest.approx(sum(1.0 / math.factorial(k) for k in range(13)), rel=1e-15)
     assert estimate[0] == pytest.approx(1.0 / math.factorial(12) + 0.5 / math.factorial(11), rel=1e-14)
@@ -82,7 +81,6 @@ def test_the_exponential_is_its_series() -> None:
 
 def test_a_right_hand_side_of_time_alone() -> None:
     traced = trace(lambda t, x, p: (math.cos(t), 1.0, t * t, 0.0), 4, ())
-    assert traced is not None
     image, _ = step(traced, [0.0, 1.0, 2.0, 3.0], 0.5, 0.25, [], 14)
     assert image == pytest.approx(
         [math.sin(0.75) - math.sin(0.5), 1.25, 2.0 + (0.75**3 - 0.5**3) / 3.0, 3.0], rel=1e-15
@@ -105,16 +103,15 @@ def test_auto_takes_the_cheaper_method(problems: Mapping[str, ForcedSystem]) -> 
     assert choose_method("auto", None, 1e-9).name == "DOP853"
 
 
-@pytest.mark.parametrize(
-    ("divisor", "method"),
-    [
-        (lambda t, x: 2.0 - math.cos(x[0]) ** 2, "Taylor"),
-        (lambda t, x: 2.0, "Taylor"),
-        (lambda t, x: 1.0 + 1e4 * x[0] ** 2, "DOP853"),
-        (lambda t, x: 1.1 + math.cos(t), "DOP853"),
-    ],
-    ids=["inertia", "number", "bell", "pulse"],
-)
+DIVISORS: dict[str, tuple[Any, str]] = {
+    "inertia": (lambda t, x: 2.0 - math.cos(x[0]) ** 2, "Taylor"),
+    "number": (lambda t, x: 2.0, "Taylor"),
+    "bell": (lambda t, x: 1.0 + 1e4 * x[0] ** 2, "DOP853"),
+    "pulse": (lambda t, x: 1.1 + math.cos(t), "DOP853"),
+}
+
+
+@pytest.mark.parametrize(("divisor", "method"), DIVISORS.values(), ids=DIVISORS)
 def test_series_divide_by_what_turns(divisor: Any, method: str) -> None:
     """By the inertia of linkages, and not by what may be a narrow bell or pulse."""
     traced = traced_function(lambda t, x, p: (x[1], (math.cos(t) - math.sin(x[0])) / divisor(t, x)), 2, ())
@@ -131,20 +128,10 @@ def test_states_alone_are_expanded_up_to_more_work(problems: Mapping[str, Forced
     assert [choose_method("auto", traced, rtol, False, MOST_WORK).estimate_order for rtol in (1e-6, 1e-12)] == [11, 11]
     assert flow_kernel(system.rhs, 4, tuple(system.params), "auto", 1e-9).method == "Taylor"
     found = frame_kernel(system.rhs, 4, tuple(system.params), 1e-9)
-    assert found is not None
     assert found[0].method == "DOP853"
 
 
 def test_what_has_no_series_is_refused() -> None:
-    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
-        return x[1], -abs(x[0])
-
-    def powers(t: float, x: Any, p: Any) -> tuple[float, float]:
-        return x[1], -(2.0 ** x[0])
-
-    def branching(t: float, x: Any, p: Any) -> tuple[float, float]:
-        return (x[1], 1.0) if x[0] > 0 else (x[1], -1.0)
-
-    for function in (rhs, powers, branching):
+    for force in (abs, lambda q: 2.0**q, lambda q: 1.0 if q > 0 else -1.0):
         with pytest.raises(ValueError, match=r"method='Taylor' needs .* use method='DOP853'"):
-            flow_kernel(function, 2, (), "Taylor", 1e-9)
+            flow_kernel(lambda t, x, p, f=force: (x[1], -f(x[0])), 2, (), "Taylor", 1e-9)
