@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, discrete_map, find_attractors, find_basins
-from cellmap.attractors.clouds import Clouds
+from cellmap.attractors.clouds import Clouds, recurrent_groups
 from cellmap.basins import load_basins, save_basins
 from cellmap.orbits import Kind
 
@@ -79,6 +79,21 @@ def test_samples_with_equal_orbits_are_of_one_set() -> None:
     begin = LOGISTIC.with_params(a=3.9).iterate(np.linspace(0.1, 0.4, 8)[:, None], 500).points
     samples = list(LOGISTIC.with_params(a=3.9).orbit(begin, 500).points.swapaxes(0, 1))
     assert set(Clouds(LOGISTIC, [*samples, *samples], np.ones(1)).group) == {0}
+
+
+def test_sets_are_one_where_orbits_go_to_and_fro_or_not_back_in_common_boxes() -> None:
+    """Samples on [0, 0.1] and [1, 1.1], where all points rest; the orbit of the first was at two places before."""
+    rest = discrete_map(lambda x, p: (x[0],), {}, ("x",))
+    clouds = Clouds(rest, [np.linspace(k, k + 0.1, 50)[:, None] for k in (0, 1)], np.ones(1))
+    for before, width, number in (
+        ((0.05, 1.05), 0.3, 1),
+        ((1.05, 1.05), 0.3, 2),
+        ((0.5, 0.5), 0.3, 2),
+        ((0.5, 0.5), 3.0, 1),
+    ):
+        path = np.array(before)[:, None, None]
+        group, leaves = recurrent_groups(clouds, path, np.array([width]), np.empty((0, 16, 1)))
+        assert (len(set(group)), leaves[0]) == (number, 0.05 not in before)
 
 
 def test_the_distance_at_which_attractors_are_resolved_is_kept_in_files(tmp_path) -> None:

@@ -96,3 +96,5 @@ def test_basins_of_a_segment_hold_what_creeps_to_its_ends() -> None:
     assert (found.labels == 0).all()
     assert (np.abs(point_map.iterate(found.initial_conditions[16:], 100).points[:, 0]) > 1.0).all()
     assert found.verify(32).wrong == 0
+    beyond = find_basins(point_map, found.initial_conditions[16:], 100)
+    assert [a.kind for a in beyond.attractors] == [Kind.CONTINUUM] and (beyond.labels == 0).all()

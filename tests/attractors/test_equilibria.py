@@ -9,8 +9,10 @@ import pytest
 
 import systems
 from cellmap import CellGrid, ForcedSystem, Label, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
-from cellmap.attractors.continua import closed_orbits, continua
+from cellmap.attractors.continua import _with_boxes, closed_orbits, continua
+from cellmap.attractors.neutral_segments import traced
 from cellmap.orbits import Kind
+from cellmap.orbits.attractor import Cover
 
 LENGTH, AMPLITUDE, FREQUENCY, FRICTION = 0.0272, 0.003, 50.0, 10.0
 W = 2.0 * pi * FREQUENCY
@@ -179,6 +181,26 @@ def test_cycles_of_period_two():
     assert (attractor.kind, attractor.period) == (Kind.CONTINUUM, 2)
     assert (basins.labels == 0).all()
     assert attractor.points[:, 1] == pytest.approx(-0.2 * attractor.points[:, 0], abs=1e-9)
+
+
+def test_cycles_longer_than_those_that_are_tried_first_in_the_last_look():
+    """Rotations by 1/40, of which the first look is the last."""
+    turning = discrete_map(lambda x, p: (x[0] + 2 * pi / 40, 0.5 * x[1]), {}, (angle("a"), "v"))
+    (attractor,) = find_attractors(turning, [[0.3, 0.0]], max_periods=32, longest_period=8)
+    assert (attractor.kind, attractor.period) == (Kind.CONTINUUM, 40)
+
+
+def test_a_derivative_too_large_for_a_number_makes_no_segment():
+    """y grows by 1e90 in a step, so that the derivative of four is infinite, and that of five is none."""
+    steep = discrete_map(lambda x, p: (0.5 * x[0], 1e90 * x[1]), {}, ("x", "y"))
+    assert traced(steep, np.array([0.3, 0.0]), 5, np.ones(2)) is None
+
+
+def test_boxes_of_a_joined_cover_are_certain_where_they_lie_in_certain_ones():
+    still = discrete_map(lambda x, p: (x[0], 0.5 * x[1]), {}, ("x", "y"))
+    other = Cover(np.zeros(2), np.ones(2), np.array([[0, 0], [1, 0], [2, 0]]), np.array([True, True, False]))
+    joined = _with_boxes(still, Cover(np.zeros(2), np.ones(2), np.array([[0, 0]])), other)
+    assert joined.boxes[joined.certain].tolist() == [[1, 0]]
 
 
 def test_a_segment_ends_where_it_stops_attracting():

@@ -11,9 +11,12 @@ import pytest
 from cellmap import angle, discrete_map, find_attractors, find_basins, load_basins, save_basins
 from cellmap.attractors import examined
 from cellmap.attractors.leading_exponents import leading_exponents
+from cellmap.attractors.mixing import unmixed
 from cellmap.attractors.recurrence import recurrent_attractors
 from cellmap.attractors.settling import Catalogue
+from cellmap.attractors.time_averages import moved_on
 from cellmap.attractors.trapping import trapping_neighbourhood
+from cellmap.maps.orbit_batch import Orbits
 
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 RADIUS = 0.7
@@ -165,6 +168,26 @@ def test_what_cannot_be_afforded_is_not_verified(circles):
     region = trapping_neighbourhood(wells, origin, np.ones(6), lambda images: False)
     assert origin.verified and not replace(origin, neighbourhood=region).verified
     assert recurrent_attractors(circles, np.ones((3, 6)), np.ones(6), 10, [], afford=lambda images: False) == ([], [])
+
+
+def test_circles_that_keep_their_distance_do_not_attract():
+    """A rotation of the first two of six coordinates; the others see the radius, and settle to twice its square."""
+
+    def step(x, p):
+        c, s = cos(2 * pi * GOLDEN), sin(2 * pi * GOLDEN)
+        return c * x[0] - s * x[1], s * x[0] + c * x[1], *(0.5 * v + x[0] ** 2 + x[1] ** 2 for v in x[2:])
+
+    neutral = discrete_map(step, {}, tuple(f"x{i}" for i in range(6)))
+    assert recurrent_attractors(neutral, np.array([[1.0, 0.0, 2.0, 2.0, 2.0, 2.0]]), np.ones(6), 100, []) == ([], [])
+
+
+def test_orbits_are_followed_step_by_step_and_no_further():
+    """Averages over every step of x -> -x, whatever its phase; and 100 steps of x -> x + 1."""
+    flip, count = (discrete_map(f, {}, ("x",)) for f in (lambda x, p: (-x[0],), lambda x, p: (x[0] + 1.0,)))
+    assert not unmixed(flip, np.array([[1.0], [-1.0]]), np.ones(2, bool), 16).any()
+    orbits = Orbits.starting(np.zeros((1, 1)))
+    moved_on(count, orbits, 100)
+    assert orbits.points == 100.0
 
 
 def test_chaos_is_not_taken_for_quasi_periodic():

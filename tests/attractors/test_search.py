@@ -269,3 +269,11 @@ def test_attractors_of_another_map_are_refused_by_one_image():
         with pytest.raises(ValueError, match="no attractor of this map: it takes its points elsewhere"):
             find_basins(other, states, attractors=found)
     assert find_attractors(wells.with_params(a=1.5), [[-1.0]], attractors=two) == two
+
+
+@pytest.mark.parametrize("untrapped", [True, False])
+def test_trapped_boxes_are_looked_for_once(monkeypatch, untrapped):
+    monkeypatch.setattr(search, "examine", lambda *_, trapped: trapped)
+    orbits, none = Orbits.starting(np.array([[0.5]])), np.array([-1])
+    searched = search.Searched(orbits, [], 300, none, none, untrapped)
+    assert searched.examined(logistic(3.9), np.array([[0.5]]), np.ones(1)) is not untrapped
