@@ -14,6 +14,7 @@ import cellmap._compiled.loops as loops
 from cellmap._compiled.loops import Loop, loop
 from cellmap._compiled.translation.grammar import LanguageError
 from tests._compiled.random_loops import imported
+from tests._compiled.test_translation import differences
 
 # mypy: disable-error-code="no-untyped-def"
 
@@ -129,10 +130,7 @@ def overlapping(out):
 
 @loop(contract=False)
 def divided(a, b, out):
-    out[0] = a // b
-    out[1] = a % b
-    out[2] = a >> b
-    out[3] = (a & 255) << (b & 63)
+    out[0], out[1], out[2], out[3] = a // b, a % b, a >> b, (a & 255) << (b & 63)
 
 
 @loop(contract=False)
@@ -148,27 +146,8 @@ def counted(n, step):
     return total
 
 
-@loop
-def put(a, b):
-    a[0:4] = b
-
-
-@loop
-def pair_of(a):
-    one, other = a
-    return one + other
-
-
-@loop
-def tail(a, n):
-    return a[n:].size
-
-
 def test_slices_that_overlap_are_copied_whole() -> None:
-    found, expected = np.arange(6.0), np.arange(6.0)
-    overlapping(found)
-    overlapping.function(expected)
-    assert found.tolist() == expected.tolist()
+    assert differences(overlapping, (np.arange(6.0),)) == []
 
 
 def test_divisions_that_the_processor_refuses_wrap_as_those_of_numpy() -> None:
@@ -194,14 +173,13 @@ def test_a_step_of_zero_is_an_error() -> None:
         counted(9, 0)
 
 
-def test_lengths_that_differ_are_seen_where_indices_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("line", ["a[0:4] = np.ones(2)", "one, other = a[:3]", "return a[-n:].size"])
+def test_lengths_that_differ_are_seen_where_indices_are_checked(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(loops, "CHECKED", True)
-    with pytest.raises(IndexError):
-        Loop(put.function)(np.zeros(6), np.ones(2))
-    with pytest.raises(IndexError):
-        Loop(pair_of.function)(np.zeros(3))
-    with pytest.raises(IndexError):
-        Loop(tail.function)(np.zeros(3), -1)
+    with pytest.raises(IndexError, match="index outside of its array"):
+        run(made([line], tmp_path, "checked"))
 
 
 def factors(one, other):
