@@ -131,6 +131,7 @@ def test_distance_from_a_torus():
     )  # fmt: skip
     torus = fitted_torus(ring, ring.iterate([2.0, 0.3, 0.2], 200).points)
     dense = DenseTorus(ring, torus, np.ones(3))
+    assert np.abs(dense._patches[2][:, 1:]).max() < 1e-9  # its angles grow evenly with the phases
     for radius in (1e-4, 1e-2):
         beside = dense.surface(np.array([radius])).reshape(-1, 3)
         assert dense.distances(beside) == pytest.approx(radius, rel=1e-2)
