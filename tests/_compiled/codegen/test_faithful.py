@@ -17,24 +17,18 @@ def image(rhs, initial_condition=(1.0,)):
     return stroboscopic_map(ForcedSystem(rhs, {}, 1.0, names))(initial_condition)
 
 
-def asks_for_the_type(t, x, p):
-    return (-x[0] if isinstance(x[0], float) else -5.0 * x[0],)
+def test_functions_that_ask_for_types_or_catch_exceptions():
+    def asks(t, x, p):
+        return (-x[0] if isinstance(x[0], float) else -5.0 * x[0],)
 
+    def catches(t, x, p):
+        try:
+            return (math.log(x[0] - 10.0),)
+        except ValueError:
+            return (-x[0],)
 
-def catches(t, x, p):
-    try:
-        v = math.log(x[0] - 10.0)
-    except ValueError:
-        v = -x[0]
-    return (v,)
-
-
-def test_function_that_asks_for_types():
-    assert why_untraced(asks_for_the_type, 1, {}).startswith("they give other values than the function")
-    assert image(asks_for_the_type)[0] == pytest.approx(math.exp(-1.0), abs=1e-8)
-
-
-def test_function_that_catches_exceptions_is_refused():
+    assert why_untraced(asks, 1, {}).startswith("they give other values than the function")
+    assert image(asks)[0] == pytest.approx(math.exp(-1.0), abs=1e-8)
     assert why_untraced(catches, 1, {}) != ""
     assert why_untraced(lambda t, x, p: (-x[0],), 1, {}) == ""
     with pytest.raises(TypeError, match="cannot be compiled"):
@@ -60,12 +54,14 @@ def test_functions_of_any_number_of_arguments():
     assert length == pytest.approx(-7.0, abs=1e-8)
 
 
-def test_lists_that_are_too_short():
-    for values in ([1.0, 2.0], np.ones(2)):
-        with pytest.raises(ValueError, match="rhs reads beyond the end of a list or an array"):
-            ForcedSystem(lambda t, x, p, values=values: (values[2] * x[0],), {}, 1.0, "q")
-
-
-def test_more_state_variables_than_coordinates():
-    with pytest.raises(ValueError, match=r"more state variables than there are coordinates \(q\)"):
-        ForcedSystem(lambda t, x, p: (x[1], -x[0]), {}, 1.0, "q")
+@pytest.mark.parametrize(
+    ("rhs", "said"),
+    [
+        (lambda t, x, p, values=[1.0, 2.0]: (values[2] * x[0],), "rhs reads beyond the end of a list or an array"),
+        (lambda t, x, p, values=np.ones(2): (values[2] * x[0],), "rhs reads beyond the end of a list or an array"),  # noqa: B008
+        (lambda t, x, p: (x[1], -x[0]), r"more state variables than there are coordinates \(q\)"),
+    ],
+)
+def test_what_is_too_short_is_refused(rhs, said):
+    with pytest.raises(ValueError, match=said):
+        ForcedSystem(rhs, {}, 1.0, "q")
