@@ -103,18 +103,7 @@ def test_the_exact_map_labels_unless_another_is_given(basins):
     assert labeller(coarse).point_map is WELLS
     assert labeller(coarse, point_map=table).point_map is table
     assert labeller(WELLS, basins.attractors, point_map=table).point_map is table
-    with pytest.raises(ValueError, match="recompute_basins"):
-        labeller(replace(basins, point_map=None))
     assert labeller(replace(basins, point_map=None), point_map=WELLS).attractors == basins.attractors
-
-
-def test_attractors_are_given_once(basins):
-    with pytest.raises(ValueError, match="attractors is empty"):
-        labeller(WELLS)
-    with pytest.raises(ValueError, match="leave them out"):
-        labeller(basins, basins.attractors)
-    with pytest.raises(TypeError, match="source=3"):
-        labeller(3)
 
 
 def test_labels_of_basins(basins):
@@ -178,29 +167,6 @@ def test_a_rule_takes_the_place_of_attractors():
             final_states(WELLS, GRID, (), bad, 100).label(np.zeros((3, 2)))
 
 
-@pytest.mark.parametrize(
-    ("arguments", "error", "message"),
-    [
-        ({"source": 3}, TypeError, "source=3"),
-        ({"region": None}, TypeError, "region=None"),
-        ({"outcome": 3}, TypeError, "outcome=3"),
-        ({"region": CellGrid((0.0, 0.0), (1.0, 1.0), (1, 1))}, ValueError, "is one cell"),
-    ],
-)
-def test_what_defines_no_final_states(arguments, error, message):
-    known = {"source": WELLS, "region": GRID, "attractors": (), "outcome": None, "max_periods": 100}
-    with pytest.raises(error, match=message):
-        final_states(**(known | arguments))
-
-
-def test_where_nothing_attracts_there_are_no_final_states(basins):
-    doubling = discrete_map(lambda x, p: (2.0 * x[0] + 1.0,), {}, ("x",))
-    with pytest.raises(ValueError, match="define the final states with outcome="):
-        final_states(doubling, CellGrid((0.0,), (1.0,), (4,)), (), None, 50)
-    with pytest.raises(ValueError, match="basins have no map"):
-        final_states(replace(basins, point_map=None), None, (), None, 50)
-
-
 def test_attractors_are_sought_from_some_four_thousand_cells():
     """Along the axes that a region spans, in equal parts: 4096, 64 x 64."""
     assert _coarse(CellGrid((0.0, 1.0), (1.0, 2.0), (500, 1))).shape == (4096, 1)
@@ -223,15 +189,35 @@ def test_basins_are_recomputed_from_a_file(given, by_table, tmp_path):
     assert (again.point_map.table is not None) == by_table
 
 
-def test_basins_are_recomputed_from_their_own_system_only(basins):
-    with pytest.raises(ValueError, match=r"source has params \{'a': 1.4\} and the basins \{'a': 1.5\}"):
-        recompute_basins(basins, WELLS.with_params(a=1.4))
-    renamed = discrete_map(lambda x, p: (tanh(p.a * x[0]), 0.5 * x[1]), {"a": 1.5}, ("x", "z"))
-    with pytest.raises(ValueError, match=r"source has the coordinates \(.*z.*\) and the basins"):
-        recompute_basins(basins, renamed)
-    other = replace(basins, settings={**basins.settings, "method": "simple cell mapping"})
-    with pytest.raises(ValueError, match="are from a simple cell mapping"):
-        recompute_basins(other, WELLS)
+# --- what does not fit together
+
+RENAMED = discrete_map(lambda x, p: (tanh(p.a * x[0]), 0.5 * x[1]), {"a": 1.5}, ("x", "z"))
+DOUBLING = discrete_map(lambda x, p: (2.0 * x[0] + 1.0,), {}, ("x",))
+REFUSED = {
+    "recompute_basins": lambda basins: labeller(replace(basins, point_map=None)),
+    "attractors is empty": lambda _: labeller(WELLS),
+    "leave them out": lambda basins: labeller(basins, basins.attractors),
+    "source=3": lambda _: labeller(3),
+    "source=[3]": lambda _: final_states(3, GRID, (), None, 100),
+    "region=None": lambda _: final_states(WELLS, None, (), None, 100),
+    "outcome=3": lambda _: final_states(WELLS, GRID, (), 3, 100),
+    "is one cell": lambda _: final_states(WELLS, CellGrid((0.0, 0.0), (1.0, 1.0), (1, 1)), (), None, 100),
+    "define the final states with outcome=": lambda _: final_states(DOUBLING, CellGrid((0,), (1,), (4,)), (), None, 50),
+    "basins have no map": lambda basins: final_states(replace(basins, point_map=None), None, (), None, 50),
+    r"source has params \{'a': 1.4\} and the basins \{'a': 1.5\}": lambda basins: recompute_basins(
+        basins, WELLS.with_params(a=1.4)
+    ),
+    r"source has the coordinates \(.*z.*\) and the basins": lambda basins: recompute_basins(basins, RENAMED),
+    "are from a simple cell mapping": lambda basins: recompute_basins(
+        replace(basins, settings={**basins.settings, "method": "simple cell mapping"}), WELLS
+    ),
+}
+
+
+@pytest.mark.parametrize("message", REFUSED)
+def test_what_does_not_fit_together(message, basins):
+    with pytest.raises((TypeError, ValueError), match=message):
+        REFUSED[message](basins)
 
 
 # --- attractors in files
