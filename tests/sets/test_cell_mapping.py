@@ -35,15 +35,6 @@ def unravelled(images):
 
 
 class TestUnravelling:
-    def test_of_a_map_by_hand(self):
-        #         0 -> 1 -> 2 -> 0   3 -> 2   4 -> 3   5 -> 5   6 -> outside   7 -> 6   8 diverges   9 -> 8
-        images = [1, 2, 0, 2, 3, 5, -1, 6, -2, 8]
-        groups, steps, periods = unravelled(images)
-        assert groups == [0, 0, 0, 0, 0, 1, -1, -1, -2, -2]
-        assert steps == [0, 0, 0, 1, 2, 0, 1, 2, 1, 2]
-        assert periods == [3, 1]
-        assert (unravelled([0]), unravelled([-1])) == (([0], [0], [1]), ([-1], [1], []))
-
     @given(st.integers(1, 60), st.integers(0, 2**32 - 1))
     def test_of_random_maps_is_what_following_each_cell_gives(self, n, seed):
         images = np.random.default_rng(seed).integers(-2, n, n)

@@ -28,13 +28,6 @@ class TestTransitions:
         assert chain.expected_times == pytest.approx(np.linalg.solve(np.eye(4) - expected[:4, :4], np.ones(4)))
         assert chain.absorption[:, -1] == pytest.approx(1.0)
 
-    def test_times_until_chaos_is_left_late(self):
-        """By elimination, against a dense solution."""
-        chain = generalized_cell_mapping(systems.logistic_map(4.0005), CellGrid((0.0,), (1.0,), (50,)), (100,))
-        inner = chain.matrix.toarray()[:50, :50]
-        assert chain.closed == ()
-        assert chain.expected_times == pytest.approx(np.linalg.solve(np.eye(50) - inner, np.ones(50)), rel=1e-9)
-
     def test_angles_wrap(self):
         chain = generalized_cell_mapping(TURNING.with_params(by=pi / 8), CellGrid((-pi,), (pi,), (8,)), samples=(4,))
         expected = 0.5 * (np.eye(8) + np.roll(np.eye(8), 1, axis=1))
