@@ -57,16 +57,12 @@ def faulty(monkeypatch, fraction):
     monkeypatch.setattr(coarse_labels, "coarser", mirrored)
 
 
-def test_all_is_labelled_again_where_too_many_are_wrong(plain, monkeypatch):
+def test_a_few_wrong_labels_are_mended_and_many_make_all_be_found_again(plain, monkeypatch):
     faulty(monkeypatch, 0.25)
     basins = find_basins(EXACT, GRID, label_rtol=1e-5)
     found = basins.settings["audit"]
     assert np.array_equal(basins.labels, plain.labels) and found["differing"] > 50
     assert found["wrong"] == pytest.approx(0.25, abs=0.05)
-
-
-def test_a_few_wrong_labels_are_mended_and_told(plain, monkeypatch):
-    faulty(monkeypatch, 0.25)
     monkeypatch.setattr(coarse_labels, "ALLOWED", 0.5)
     with pytest.warns(UserWarning, match="of all labels are wrong; leave out label_rtol"):
         basins = find_basins(EXACT, GRID, label_rtol=1e-5)

@@ -31,24 +31,22 @@ def test_points_of_the_same_extent_as_all():
     assert _outermost(grid).tolist() == [[0.125, 0.25], [0.875, 3.75]]
 
 
+def square(n, m=None):
+    return CellGrid((0.0, 0.0), (1.0, 1.0), (n, m or n))
+
+
 def test_look_ups_of_larger_tables_are_slower():
     """Linear in the logarithm of the memory, and never faster than those of a smaller one."""
-    square = CellGrid((0.0, 0.0), (1.0, 1.0), (64, 64))
-    sizes = [table_memory(CellGrid((0.0, 0.0), (1.0, 1.0), (n, n)), 3) for n in (32, 128, 512)]
+    sizes = [log(table_memory(grid, 3)) for grid in (square(32), square(128), square(512))]
     known = {"order": 3, "cells": (32,), "errors": (1e-3,), "raw": (1e-3,), "surplus": 0.0}
-    lookups = tuple(zip(sizes, (2e-8, 1e-8, 6e-8), strict=True))
+    lookups = tuple(zip(np.exp(sizes).tolist(), (2e-8, 1e-8, 6e-8), strict=True))
     probe = TableProbe(**known, labelling=Labelling(0.0, 1.0), lookups=lookups)
-    assert slower(probe, square) == pytest.approx(1.0)
-    between = table_memory(CellGrid((0.0, 0.0), (1.0, 1.0), (256, 256)), 3)
-    part = (log(between) - log(sizes[1])) / (log(sizes[2]) - log(sizes[1]))
-    long = CellGrid((0.0, 0.0), (1.0, 1.0), (256, 128))
-    first, last = (log(table_memory(grid, 3)) for grid in (CellGrid((0.0, 0.0), (1.0, 1.0), (32, 16)), long))
-    assert first < log(sizes[0]), "where look-ups take 2e-8 s"
-    part_of_long = (last - log(sizes[1])) / (log(sizes[2]) - log(sizes[1]))
-    assert slower(probe, long) == pytest.approx(1.0 + 2.0 * part_of_long)
-    wide = CellGrid((0.0, 0.0), (1.0, 1.0), (256, 256))
-    assert slower(probe, wide) == pytest.approx(1.0 + 2.0 * part)
-    assert slower(replace(probe, lookups=()), wide) == 1.0
+    assert slower(probe, square(64)) == pytest.approx(1.0)
+    assert log(table_memory(square(32, 16), 3)) < sizes[0], "where look-ups take 2e-8 s"
+    for grid in (square(256), square(256, 128)):
+        part = (log(table_memory(grid, 3)) - sizes[1]) / (sizes[2] - sizes[1])
+        assert slower(probe, grid) == pytest.approx(1.0 + 2.0 * part)
+    assert slower(replace(probe, lookups=()), square(256)) == 1.0
 
 
 # --- certificates

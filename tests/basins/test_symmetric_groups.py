@@ -53,12 +53,6 @@ def test_wells_on_a_ring_are_necklaces() -> None:
     assert found.to_dataframe()["sizes"].tolist() == found.sizes.tolist()
 
 
-def test_an_image_that_was_not_found_is_missing() -> None:
-    basins = find_basins(discrete_map(_ring, {}, ("x0", "x1")), np.random.default_rng(0).uniform(0.2, 1.0, (50, 2)))
-    assert len(basins.attractors) == 1
-    assert (0, "all signs") in symmetric_groups(basins).missing
-
-
 @pytest.mark.thorough
 def test_formulas_of_flows_tell_symmetries() -> None:
     basins = find_basins(stroboscopic_map(ring_of_wells(2, forcing=0.0)), np.eye(4)[[0, 1]])
@@ -96,8 +90,10 @@ def test_chaotic_attractors_are_matched_as_clouds() -> None:
     assert symmetric_groups(basins).groups == ((0, 1),)
 
 
-def test_what_is_no_symmetry_is_refused() -> None:
+def test_what_is_no_symmetry_is_refused_and_an_image_that_was_not_found_is_missing() -> None:
     basins = find_basins(discrete_map(_ring, {}, ("x0", "x1")), np.random.default_rng(0).uniform(0.2, 1.0, (50, 2)))
+    assert len(basins.attractors) == 1
+    assert (0, "all signs") in symmetric_groups(basins).missing
     with pytest.raises(ValueError, match=r"symmetries\['half'\]: images of the map change"):
         symmetric_groups(basins, {"half": lambda x: 0.5 * x})
     with pytest.raises(ValueError, match="return states"):
