@@ -9,59 +9,30 @@ import warnings
 import weakref
 from collections.abc import Iterator
 from itertools import count
-from math import pi
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from known_basins import CONSERVATIVE, duffing, pendulum
+from known_basins import CONSERVATIVE, RUNS, WINDOW, assert_same, duffing
 
-import systems
-from cellmap import Basins, CellGrid, Label, discrete_map, find_basins, interpolated_map, load_basins, set_threads
+from cellmap import CellGrid, Label, find_basins, interpolated_map, load_basins, set_threads
 from cellmap.basins import refine_basins
 from cellmap.basins.strides import strided_tiles
 
-WINDOW = CellGrid((-2.2, -2.2), (2.2, 2.2), (150, 90))
-LEAST = CellGrid((-0.6, -0.6), (0.6, 0.6), (40, 35))
 TABLE = CellGrid((-2.5, -2.5), (2.5, 2.5), (96, 96))
 THOROUGH = ("table", "undecided", "chaotic", "multi-period steps")
-CASES = {
-    "two wells": (duffing, WINDOW, 2000),
-    "table": (lambda: interpolated_map(duffing(), TABLE, tolerance=1e-2), WINDOW, 2000),
-    "small basins": (pendulum, CellGrid((-pi, -500.0), (pi, 500.0), (60, 51)), 600),
-    "undecided": (lambda: CONSERVATIVE, LEAST, 300),
-    "chaotic": (systems.henon_map, CellGrid((-2.0, -2.0), (2.0, 2.0), (95, 95)), 500),
-    "multi-period steps": (
-        lambda: interpolated_map(CONSERVATIVE, CellGrid((-1, -1), (1, 1), (60, 60)), outside="escape", max_step=8),
-        LEAST,
-        300,
-    ),
-    "points": (
-        lambda: discrete_map(lambda x, p: (x[0] / 2 + 1 / (2 * x[0]),), {}, ("x",)),
-        np.random.default_rng(0).uniform(-3.0, 3.0, (4, 900, 1)),
-        2000,
-    ),
-}
-
-
-def assert_same(ours: Basins, theirs: Basins) -> None:
-    assert ours.labels.tobytes() == theirs.labels.tobytes()
-    assert ours.labels.shape == theirs.labels.shape
-    assert ours.settling_time.tobytes() == theirs.settling_time.tobytes()
-    assert [a.points.tobytes() for a in ours.attractors] == [a.points.tobytes() for a in theirs.attractors]
-    assert ours.undecided == theirs.undecided
-    assert ours.settings == theirs.settings
+CASES = RUNS | {"table": (lambda: interpolated_map(duffing(), TABLE, tolerance=1e-2), WINDOW, {})}
 
 
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.thorough] if name in THOROUGH else []) for name in CASES]
 )
 def test_the_last_frame_has_the_bits_of_a_whole_call(name: str) -> None:
-    make, places, periods = CASES[name]
-    whole = find_basins(make(), places, periods)
+    make, places, settings = CASES[name]
+    whole = find_basins(make(), places, **settings)
     for threads in (1, 2):
         set_threads(threads)
-        frames = list(refine_basins(make(), places, periods))
+        frames = list(refine_basins(make(), places, **settings))
         assert_same(frames[-1].basins, whole)
         assert [f.complete for f in frames] == [False] * (len(frames) - 1) + [True]
         strides = [f.stride for f in frames]

@@ -11,8 +11,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from checkpointed_runs import CASES, TABLE, WINDOW, Died, assert_same, dying
-from known_basins import duffing
+from checkpointed_runs import CASES, TABLE, Died, dying
+from known_basins import WINDOW, assert_same, duffing
 
 import cellmap
 import cellmap._lib.checkpoint

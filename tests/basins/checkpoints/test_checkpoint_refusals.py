@@ -12,8 +12,8 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from checkpointed_runs import CASES, TABLE, WINDOW, Died, assert_same, dying
-from known_basins import FORCED, duffing
+from checkpointed_runs import CASES, TABLE, interrupted
+from known_basins import FORCED, WINDOW, assert_same, duffing
 
 from cellmap import CellGrid, find_basins, interpolated_map, load_basins, stroboscopic_map
 from cellmap.basins import StoreError
@@ -24,11 +24,7 @@ pytestmark = pytest.mark.usefixtures("small_tiles")
 @pytest.fixture(scope="module")
 def begun(small_tiles, tmp_path_factory) -> Path:
     """The file of the same run, which died after its first tile."""
-    path = tmp_path_factory.mktemp("begun") / "basins.h5"
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(Died):
-        dying(patch, 1, False)
-        CASES["one pass"](checkpoint=path)
-    return path
+    return interrupted(CASES["one pass"], tmp_path_factory.mktemp("begun") / "basins.h5", 1)
 
 
 @pytest.fixture(scope="module")
@@ -42,11 +38,7 @@ def interpolated_file(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def unfinished(small_tiles, tmp_path_factory) -> Path:
     """A run that died in a later pass."""
-    path = tmp_path_factory.mktemp("unfinished") / "basins.h5"
-    with pytest.MonkeyPatch.context() as patch:
-        dying(patch, 3, False)
-        with pytest.raises(Died):
-            CASES["small basins"](checkpoint=path)
+    path = interrupted(CASES["small basins"], tmp_path_factory.mktemp("unfinished") / "basins.h5", 3)
     with h5py.File(path, "r") as file:
         assert "rows" in file["pass"]
     return path

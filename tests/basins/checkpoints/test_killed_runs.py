@@ -16,8 +16,8 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from checkpointed_runs import CASES, TABLE, assert_same
-from known_basins import duffing, pendulum
+from checkpointed_runs import CASES, TABLE
+from known_basins import CONSERVATIVE, assert_same, duffing, pendulum
 
 from cellmap import Basins, CellGrid, find_basins, interpolated_map
 from cellmap._lib.files import locked
@@ -39,7 +39,8 @@ def long_run(folder: str | Path) -> tuple[Basins, Basins]:
     icm = interpolated_map(pendulum(), grid, checkpoint=Path(folder) / "table.h5")
     cells = CellGrid((-pi, -500.0), (pi, 500.0), (400, 400))
     basins = find_basins(icm, cells, 1000, 8, checkpoint=Path(folder) / "basins.h5")
-    return basins, CASES["undecided"]((140, 130), checkpoint=Path(folder) / "states.h5")
+    places = CellGrid((-0.6, -0.6), (0.6, 0.6), (140, 130))
+    return basins, find_basins(CONSERVATIVE, places, 520, checkpoint=Path(folder) / "states.h5")
 
 
 def assert_same_results(ours: tuple[Basins, ...], theirs: tuple[Basins, ...]) -> None:

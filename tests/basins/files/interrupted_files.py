@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import h5py
-import pytest
-from checkpointed_runs import Died, dying
+from checkpointed_runs import interrupted
 from known_basins import CONSERVATIVE
 
 import cellmap
@@ -24,18 +22,12 @@ def halves() -> Basins:
     )
 
 
-def interrupted(run: Callable[[], Any], tiles: int) -> None:
-    """Let a run die after some tiles."""
-    with pytest.MonkeyPatch.context() as patch, suppress(Died):
-        dying(patch, tiles, False)
-        run()
-
-
+RUN = partial(find_basins, CONSERVATIVE, WINDOW, 260)
 READERS: dict[str, Callable[[Path], bytes]] = {
     "picture": lambda path: load_basins(path).labels.tobytes(),
-    "finished": lambda path: find_basins(CONSERVATIVE, WINDOW, 260, checkpoint=path).labels.tobytes(),
-    "first pass": lambda path: find_basins(CONSERVATIVE, WINDOW, 260, checkpoint=path).labels.tobytes(),
-    "later pass": lambda path: find_basins(CONSERVATIVE, WINDOW, 260, checkpoint=path).labels.tobytes(),
+    "finished": lambda path: RUN(checkpoint=path).labels.tobytes(),
+    "first pass": lambda path: RUN(checkpoint=path).labels.tobytes(),
+    "later pass": lambda path: RUN(checkpoint=path).labels.tobytes(),
     "table": lambda path: interpolated_map(CONSERVATIVE, WINDOW, checkpoint=path).table.coefficients.tobytes(),
 }
 
@@ -44,8 +36,8 @@ def make_files(folder: Path) -> None:
     cellmap.set_threads(1)
     save_basins(halves(), folder / "picture.h5")
     READERS["finished"](folder / "finished.h5")
-    interrupted(lambda: READERS["first pass"](folder / "first pass.h5"), 1)
-    interrupted(lambda: READERS["later pass"](folder / "later pass.h5"), 3)
+    interrupted(RUN, folder / "first pass.h5", 1)
+    interrupted(RUN, folder / "later pass.h5", 3)
     with h5py.File(folder / "later pass.h5", "r") as file:
         assert "rows" in file["pass"]
-    interrupted(lambda: READERS["table"](folder / "table.h5"), 2)
+    interrupted(partial(interpolated_map, CONSERVATIVE, WINDOW), folder / "table.h5", 2)

@@ -1,17 +1,13 @@
-"""Basins of every kind that are stored, and whether they are equal."""
+"""Basins of every kind that are stored."""
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, fields
 from math import pi
 
 import numpy as np
-from known_basins import assert_same_record
 
 import systems
 from cellmap import (
-    Basins,
     CellGrid,
     ForcedSystem,
     discrete_map,
@@ -55,25 +51,3 @@ CASES = {
         discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",)), CellGrid((-1,), (1,), (9,))
     ),
 }
-
-
-def assert_same(a: Basins, b: Basins) -> None:
-    for f in fields(Basins):
-        if f.name not in ("attractors", "point_map", "params", "settings", "cost"):
-            one, other = getattr(a, f.name), getattr(b, f.name)
-            if isinstance(one, np.ndarray):
-                assert one.dtype == other.dtype, f.name
-                assert one.shape == other.shape, f.name
-                assert np.array_equal(one, other), f.name
-            else:
-                assert one == other, f.name
-    assert dict(a.params) == dict(b.params)
-    assert plain(a.settings) == plain(b.settings)
-    assert asdict(a.cost) == asdict(b.cost)
-    assert len(a.attractors) == len(b.attractors)
-    for one, other in zip(a.attractors, b.attractors, strict=True):
-        assert_same_record(one, other)
-
-
-def plain(value):
-    return json.loads(json.dumps(value))

@@ -26,6 +26,15 @@ def replaced(group: h5py.Group, name: str, make: Callable[[h5py.Group, str], obj
     make(group, name)
 
 
+def crafted(whole: Path, folder: Path, change: Callable[[h5py.File], object]) -> Path:
+    """A changed copy with the right checksums."""
+    path = Path(shutil.copy(whole, folder / "crafted.h5"))
+    with h5py.File(path, "r+") as file:
+        change(file)
+    seal(path)
+    return path
+
+
 def external(secret: Path) -> Callable[[h5py.Group, str], object]:
     storage = [(str(secret), 0, h5py.h5f.UNLIMITED)]
     return lambda group, name: group.create_dataset(name, (60, 50), np.int16, external=storage)
@@ -99,10 +108,7 @@ def test_labels_that_are_something_else(item, files, tmp_path):
     with h5py.File(secret, "w") as file:
         file["labels"] = np.zeros((60, 50), np.int16)
     os.mkfifo(tmp_path / "pipe")
-    path = Path(shutil.copy(files / "picture.h5", tmp_path / "crafted.h5"))
-    with h5py.File(path, "r+") as file:
-        replaced(next(iter(file.values())), "labels", ITEMS[item](secret))
-    seal(path)
+    path = crafted(files / "picture.h5", tmp_path, lambda f: replaced(f["basins"], "labels", ITEMS[item](secret)))
     for unverified in (False, True):
         with pytest.raises(StoreError, match=r"crafted\.h5"):
             load_basins(path, unverified=unverified)
@@ -266,10 +272,7 @@ CHECKPOINTS: dict[str, Callable[[h5py.File], object]] = {
 
 @pytest.mark.parametrize("part", CHECKPOINTS)
 def test_checkpoints_that_are_something_else(part, files, tmp_path):
-    path = Path(shutil.copy(files / "later pass.h5", tmp_path / "crafted.h5"))
-    with h5py.File(path, "r+") as file:
-        CHECKPOINTS[part](file)
-    seal(path)
+    path = crafted(files / "later pass.h5", tmp_path, CHECKPOINTS[part])
     tracemalloc.start()
     with pytest.raises(StoreError, match=r"checkpoint=.*crafted\.h5' is damaged"):
         READERS["later pass"](path)
@@ -288,17 +291,12 @@ def test_tables_whose_arrays_are_in_pieces(name, files, tmp_path):
         READERS["table"](path)
 
 
-@pytest.mark.parametrize("make", [lambda f: f.__setitem__("basins", np.zeros(9)), lambda f: None, "huge"])
+@pytest.mark.parametrize(
+    "make", [lambda f, name: f.create_dataset(name, data=np.zeros(9)), lambda *_: None, long_array]
+)
 def test_files_without_basins(make, files, tmp_path):
     """An array in their place is not looked through, however large it is."""
-    path = Path(shutil.copy(files / "finished.h5", tmp_path / "crafted.h5"))
-    with h5py.File(path, "r+") as file:
-        del file["basins"]
-        if make == "huge":
-            file.create_dataset("basins", (2**28,), np.int8, chunks=(2**28,))
-        else:
-            make(file)
-    seal(path)
+    path = crafted(files / "finished.h5", tmp_path, lambda f: replaced(f, "basins", make))
     for read in (load_basins, READERS["finished"]):
         with pytest.raises(StoreError, match=r"crafted\.h5"):
             read(path)

@@ -7,7 +7,7 @@ import pickle
 import shutil
 import subprocess
 import sys
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,8 @@ import h5py
 import numpy as np
 import pytest
 from interrupted_files import READERS, halves
-from stored_basins import CASES, GRID, assert_same
+from known_basins import assert_same
+from stored_basins import CASES, GRID
 
 import cellmap
 from cellmap import Attractor, Basins, CellGrid, Label, discrete_map, find_basins, load_basins, save_basins
@@ -35,6 +36,7 @@ def test_round_trip(name, made, tmp_path):
     path = save_basins(basins, tmp_path / "basins.h5")
     same = load_basins(path)
     assert_same(basins, same)
+    assert asdict(same.cost) == asdict(basins.cost)
     assert same.point_map is None
     assert repr(same) == repr(basins)
     assert same.fractions == basins.fractions

@@ -71,31 +71,25 @@ def test_names_of_images(made, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["two.h5"]
 
 
-def own_attribute(file):
-    file.attrs["note"] = file["basins/labels"].attrs["note"] = "mine"
+CHANGES = {
+    "attribute": lambda file: file.attrs.__setitem__("note", "mine"),
+    "attribute of labels": lambda file: file["basins/labels"].attrs.__setitem__("note", "mine"),
+    "array": lambda file: file.__setitem__("mine", np.arange(3.0)),
+    "array of basins": lambda file: file.__setitem__("basins/mine", np.arange(3.0)),
+    "group": lambda file: file.create_group("laboratory").attrs.__setitem__("who", "me"),
+    "label": lambda file: file["basins/labels"].__setitem__((0, 0), -3),
+}
 
 
-def own_array(file):
-    file["mine"] = file["basins/mine"] = np.arange(3.0)
-
-
-def own_group(file):
-    file.create_group("laboratory").attrs["who"] = "me"
-
-
-def own_label(file):
-    file["basins/labels"][0, 0] = -3
-
-
-@pytest.mark.parametrize("change", [own_attribute, own_array, own_group, own_label])
+@pytest.mark.parametrize("change", CHANGES)
 def test_a_file_that_its_owner_has_changed_is_read_when_asked_for_so(change, stored, made, tmp_path):
     path = Path(shutil.copy(stored, tmp_path / "changed.h5"))
     with h5py.File(path, "r+") as file:
-        change(file)
+        CHANGES[change](file)
     with pytest.raises(StoreError, match=r"another program has changed it.*unverified=True|damaged"):
         load_basins(path)
     again, expected = load_basins(path, unverified=True), made["grid"].labels.copy()
-    expected[0, 0] = -3 if change is own_label else expected[0, 0]
+    expected[0, 0] = -3 if change == "label" else expected[0, 0]
     np.testing.assert_array_equal(again.labels, expected)
     save_basins(again, path)
     np.testing.assert_array_equal(load_basins(path).labels, expected)
