@@ -215,10 +215,6 @@ def masses_at(table: float, between: float, force: float = 1.0) -> ForcedSystem:
     return ForcedSystem(two_masses, params, 2.0 * pi, ("a", "b", "u", "v"), switches=two_speeds)
 
 
-def with_effects(*effects: Any) -> ForcedSystem:
-    return scene(Pendulum(1.0), *effects)
-
-
 DRIVE = VerticalDrive(amplitude=0.3, frequency=1.0)
 CASES: dict[str, tuple[Callable[[], ForcedSystem], tuple[float, ...]]] = {
     "weak dry friction": (lambda: dimensionless_pendulum(0.5, 0.3, 0.03, 0.01), (pi, 2.0)),
@@ -234,13 +230,14 @@ CASES: dict[str, tuple[Callable[[], ForcedSystem], tuple[float, ...]]] = {
 SLOW_CASES: dict[str, tuple[Callable[[], ForcedSystem], tuple[float, ...]]] = {
     "moving surface, crossed": (lambda: relay_at(0.3, moving), (2.0, 2.0)),
     "moving surface": (lambda: relay_at(1.5, moving), (2.0, 2.0)),
-    "no gravity": (lambda: with_effects(DryFriction(2.0), DRIVE), (pi, 5.0)),
     "all frictions": (
-        lambda: with_effects(Gravity(9.8), DryFriction(2.0), ViscousDamping(0.2), QuadraticDrag(0.3), DRIVE),
+        lambda: scene(Pendulum(1.0), Gravity(9.8), DryFriction(2.0), ViscousDamping(0.2), QuadraticDrag(0.3), DRIVE),
         (pi, 8.0),
     ),
-    "square wave": (lambda: with_effects(Gravity(9.8), DryFriction(2.0), SquareDrive(10.0, 1.0, phase=0.3)), (pi, 8.0)),
-    "double pendulum": (lambda: double_pendulum(friction=600.0, damping=5.0), (pi, pi, 30.0, 30.0)),
+    "square wave": (
+        lambda: scene(Pendulum(1.0), Gravity(9.8), DryFriction(2.0), SquareDrive(10.0, 1.0, phase=0.3)),
+        (pi, 8.0),
+    ),
     "double pendulum, often stuck": (lambda: double_pendulum(friction=3000.0, damping=5.0), (pi, pi, 30.0, 30.0)),
     "double pendulum, light tip": (
         lambda: double_pendulum(friction=600.0, damping=5.0, mass_2=1e-3),

@@ -129,10 +129,7 @@ def _pushes(program, t, x, sides, room, k, low, high):
     _rates(program, t, x, sides, stack, f_high)
     sides[k] = kept
     part = len(x) + k
-    return (
-        _value(program, part, t, x, f_low, sides, stack)[1],
-        _value(program, part, t, x, f_high, sides, stack)[1],
-    )
+    return (_value(program, part, t, x, f_low, sides, stack)[1], _value(program, part, t, x, f_high, sides, stack)[1])
 
 
 @register_jitable(error_model="numpy")

@@ -32,9 +32,6 @@ def by_scipy(rhs, period, place):
     return solve_ivp(lambda t, x: rhs(t, x, None), (0.0, period), place, "DOP853", **kept).y[:, -1]
 
 
-# --- closed forms
-
-
 def steps_at(nearest):
     return lambda t, x, p: (0.3 - nearest(x[0]),)
 
@@ -55,10 +52,7 @@ def one_side_branches(side):
     above and 0 below, so y grows by p: from t = 1/2 on by 2/3 up to y = 1, after another 3/4, and by 1/3 from there on.
     """
 
-    def rhs(t, x, p):
-        return (-side, 1.0) if side * x[0] > 0.0 else (side * (2.0 if x[1] < 1.0 else 0.5), 0.0)
-
-    return rhs
+    return lambda t, x, p: (-side, 1.0) if side * x[0] > 0.0 else (side * (2.0 if x[1] < 1.0 else 0.5), 0.0)
 
 
 def harvest(t, x, p):
@@ -292,9 +286,6 @@ def test_discrete_maps_with_branches_are_what_python_computes(function):
         assert point_map([x])[0] == pytest.approx(expected, rel=1e-15, abs=1e-16), x
 
 
-# --- what is reported
-
-
 @pytest.mark.parametrize(
     ("rates", "period", "place", "status"),
     [
@@ -315,9 +306,6 @@ def test_discrete_maps_with_branches_are_what_python_computes(function):
 def test_what_has_no_image_is_reported(rates, period, place, status):
     with pytest.warns(ToleranceWarning, match="out of steps|did not meet the tolerance"):
         assert strobe(lambda t, x, p: rates(x), period, len(place)).iterate(place, 1).status == status
-
-
-# --- SciPy
 
 
 def contact(t, x, p):
@@ -380,9 +368,6 @@ BY_SCIPY = {
 def test_images_are_those_of_scipy(name):
     rhs, period, place, error = BY_SCIPY[name]
     assert image(rhs, period, place) == pytest.approx(by_scipy(rhs, period, place), abs=error)
-
-
-# --- derivatives
 
 
 def wakes(t, x, p):

@@ -162,9 +162,6 @@ def test_long_expansions_are_within_the_tolerance_or_reported() -> None:
         assert off(exact.points[k : k + 1], checked.y[:, -1][None], tolerance) <= 0.1
 
 
-# Absolute tolerances
-
-
 def epidemic(t: float, x: Any, p: Any) -> tuple[float, float]:
     infections = 1800.0 * (1.0 + 0.1 * cos(2.0 * pi * t)) * x[0] * x[1]
     return 0.02 * (1.0 - x[0]) - infections, infections - 100.02 * x[1]

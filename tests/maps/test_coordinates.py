@@ -159,11 +159,7 @@ LINE, UP = np.linspace(-2, 2, 20), np.linspace(-1, 3, 30)
 @pytest.mark.parametrize(
     ("axes", "names", "remedy"),
     [
-        (
-            LINE,
-            "xv",
-            r"values along one axis, .* CellGrid\(\(-2, ...\), \(2, ...\), \(20, ...\)\), .* of 2 entries",
-        ),
+        (LINE, "xv", r"values along one axis, .* CellGrid\(\(-2, ...\), \(2, ...\), \(20, ...\)\), .* of 2 entries"),
         ([LINE, UP], "xv", r"coordinates of a grid, .* CellGrid\(\(-2, -1\), \(2, 3\), \(20, 30\)\)"),
         (np.meshgrid(LINE, UP), "xv", r"CellGrid\(\(-2, -1\), \(2, 3\), \(20, 30\)\)"),
         (np.meshgrid(LINE, UP, sparse=True), "xv", r"CellGrid\(\(-2, -1\), \(2, 3\), \(20, 30\)\)"),

@@ -103,14 +103,7 @@ def test_a_form_is_determined_by_its_values_in_the_directions(d, order):
     assert np.linalg.cond(np.prod(directions[:, None] ** powers, axis=-1)) < 1e3
 
 
-# --- phases, and parts of a period
-
-
-def oscillator(t, x, p):
-    return x[1], -p.k * x[0] + p.f * cos(t)
-
-
-FREE = ForcedSystem(oscillator, {"k": 2.25, "f": 0.0}, 2 * pi, ("q", "v"))
+FREE = ForcedSystem(lambda t, x, p: (x[1], -p.k * x[0] + p.f * cos(t)), {"k": 2.25, "f": 0.0}, 2 * pi, ("q", "v"))
 
 
 def rotation(time, w=1.5):

@@ -196,8 +196,6 @@ def test_quotients_of_numbers_whose_errors_underflow(top: float, bottom: float) 
         assert 0 < off <= forms.image_radii[0, 1]
 
 
-# --- the witness by intervals of forty digits
-
 ALL_FUNCTIONS = (
     "tanh(x) - tan(0.5 * x) + atan(x) * exp(-x) + log(x + 2.0) / (x + 1.5) + sqrt(x + 1.25) * sin(x) + cos(3.0 * x)"
     " + (x + 1.0)**1.5"

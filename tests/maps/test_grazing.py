@@ -93,9 +93,6 @@ def test_surfaces_of_a_discontinuity_count_and_kinks_do_not():
     assert distance(lambda q: 5.0 * (q - 1)) == np.inf
 
 
-# --- branches that end at grazing
-
-
 AT_ONE = Impact(lambda t, x, p: 1.0 - x[0], lambda t, x, p: (x[0], -p.e * x[1]))
 MOVING = Impact(
     lambda t, x, p: 1.0 + 0.3 * sin(p.w * t) - x[0],

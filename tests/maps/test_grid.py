@@ -124,9 +124,6 @@ def test_memory_is_refused_before_it_is_taken(monkeypatch: pytest.MonkeyPatch) -
     assert "10000 x 10000 cells" in str(grid)
 
 
-# --- grids of one cell along an axis with equal corners, and messages of the first mistakes with grids and systems
-
-
 def wells(t, x, p):
     return x[1], x[0] - x[0] ** 3 - 0.3 * x[1], x[0] - x[2]
 

@@ -22,16 +22,8 @@ def turning(t, x, p):
     return x[1], -p.g * sin(x[0])
 
 
-def oscillator(t, x, p):
-    return x[1], -x[0] - 2 * p.damping * x[1] + p.force * cos(p.omega * t)
-
-
 def table(t, p):
     return p.amplitude * cos(p.omega * t), -p.amplitude * p.omega * sin(p.omega * t)
-
-
-def above_table(t, x, p):
-    return x[0] - table(t, p)[0]
 
 
 def thrown_by_table(t, x, p):
@@ -47,10 +39,10 @@ TABLE = ForcedSystem(
     {"g": 1.0, "e": 0.5, "amplitude": 2.0, "omega": 1.0},
     lambda p: 2 * pi / p.omega,
     ("h", "v"),
-    impacts=[Impact(above_table, thrown_by_table)],
+    impacts=[Impact(lambda t, x, p: x[0] - table(t, p)[0], thrown_by_table)],
 )
 STRUCK = ForcedSystem(
-    oscillator,
+    lambda t, x, p: (x[1], -x[0] - 2 * p.damping * x[1] + p.force * cos(p.omega * t)),
     {"damping": 0.05, "force": 1.0, "omega": 0.8, "e": 0.7, "wall": 0.5},
     lambda p: 2 * pi / p.omega,
     ("q", "v"),
@@ -96,9 +88,6 @@ def by_scipy(system: ForcedSystem, place, most: int = 60):
     return None
 
 
-# --- flights, impacts, rest
-
-
 @pytest.mark.parametrize("periods", [1, 3, 7])
 @pytest.mark.parametrize("e", [0.0, 0.3, 0.8, 0.95, 1.0])
 def test_ball_on_a_floor(e, periods):
@@ -125,9 +114,6 @@ def test_rest_on_a_table_that_never_throws():
     (attractor,) = basins.attractors
     assert (attractor.kind, (basins.labels == 0).all()) == (Kind.FIXED_POINT, True)
     assert attractor.points[0] == pytest.approx((0.8, 0.0), abs=1e-12)
-
-
-# --- oscillators
 
 
 @pytest.mark.parametrize(
@@ -167,9 +153,6 @@ def test_campaign_of_impact_oscillators():
             assert found.points == pytest.approx(witness, abs=1e-7)
 
 
-# --- kicks and thin walls
-
-
 @pytest.mark.parametrize("shift", [0.0, 1.0])
 def test_kicked_rotor_is_the_standard_map(shift):
     """Also with the kick at the sampling time itself, once a period and no more."""
@@ -195,9 +178,6 @@ def test_thin_wall_has_two_sides():
     free = ForcedSystem(lambda t, x, p: (x[1], 0.0 * x[1]), {}, 3.0, ("q", "v"), impacts=walls)
     exact = stroboscopic_map(free)
     assert exact([[1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]) == pytest.approx(np.array([[2, 1], [-2, -1], [4, 1]]))
-
-
-# --- what is refused or reported
 
 
 def test_zeno_that_cannot_rest_is_reported():
@@ -268,9 +248,6 @@ def test_an_impact_is_alike_at_every_turn_of_an_angle(guard, reset, which):
         ValueError, match=rf"impacts\[0\].{which} is .* one period of theta further on .*: write it with"
     ):
         made()
-
-
-# --- impacts and rest on a surface, beside dry friction
 
 
 @pytest.mark.parametrize("along", [1.0, 7.0, -3.0])

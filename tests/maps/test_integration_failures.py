@@ -91,9 +91,6 @@ def test_tiny_and_huge_periods(period: float) -> None:
     assert stroboscopic_map(system)([3.0]) == pytest.approx(np.exp(-2 * pi) * 2.5 + 0.5, abs=1e-8)
 
 
-# --- orbits that end at a pole of the right-hand side, and orbits that pass close by
-
-
 quiet = pytest.mark.filterwarnings("ignore::cellmap.maps.ToleranceWarning")
 
 METHODS = ("DOP853", "RK45", "Taylor", "Rosenbrock")

@@ -32,9 +32,6 @@ def pendulum() -> PointMap:
     return stroboscopic_map(systems.driven_pendulum(), rtol=1e-12, atol=1e-12)
 
 
-# --- order of convergence
-
-
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("name", at_once(["circle", "line", "torus", "cylinder", "plane"], later=SMOOTH))
 def test_order_of_convergence(name, order):
@@ -46,9 +43,6 @@ def test_order_of_convergence(name, order):
     slope = -np.polyfit(range(levels), np.log2(errors), 1)[0]
     assert errors[-1] > 1e-13, "the finest table is at the limit of rounding, where no order can be seen"
     assert slope == pytest.approx(order + 1, abs=0.35)
-
-
-# --- ends and branch cuts
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -85,9 +79,6 @@ def test_partial_arc_of_an_angle(arc):
     assert (icm.iterate(outside, 1).status == Status.ESCAPED).all()
 
 
-# --- leaving the window
-
-
 def test_orbits_that_leave_have_escaped_for_ever():
     exact = discrete_map(lambda x, p: (x[0] + 0.3, 0.5 * x[1]), {}, ("x", "y"))
     icm = interpolated_map(exact, CellGrid((0.0, -1.0), (1.0, 1.0), (20, 20)), outside="escape")
@@ -97,9 +88,6 @@ def test_orbits_that_leave_have_escaped_for_ever():
     assert np.array_equal(np.isnan(orbit.points).all(axis=-1), gone)
     assert np.array_equal(np.isnan(orbit.points).any(axis=-1), gone)
     assert orbit.points[:5, 0, 0] == pytest.approx(0.05 + 0.3 * np.arange(5), abs=1e-12)
-
-
-# --- the measured error
 
 
 def test_error_is_the_known_error_of_a_parabola():
@@ -129,9 +117,6 @@ def test_error_counts_the_points_that_have_an_image():
     error = half.error(20_000)
     assert error.fallback > 0.4 * 20_000  # no image, and beside the edge
     assert error.points + error.fallback == 20_000
-
-
-# --- the same bits, the recipe, the memory
 
 
 @pytest.mark.parametrize(("outside", "max_step"), [("escape", 1), ("integrate", 1), ("integrate", 4)])
@@ -179,9 +164,6 @@ def test_refusal_follows_the_memory_that_is_free(pendulum, monkeypatch, max_step
         interpolated_map(pendulum, grid, max_step=max_step)
     monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: needed)
     interpolated_map(pendulum, grid, max_step=max_step)
-
-
-# --- interpolated maps that take several periods in one step
 
 
 @pytest.fixture(scope="module")

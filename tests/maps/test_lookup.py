@@ -111,8 +111,6 @@ def test_a_row_that_stops_leaves_its_lane_to_another():
     assert points[:, 0] == pytest.approx(initial_conditions + made, abs=1e-14)
 
 
-# --- tables of several periods
-
 STEPS = np.array([1e-6, 1e-3, 1.0])  # what the maps over 1, 2 and 4 periods add here, to distinguish them
 
 
@@ -136,8 +134,6 @@ def test_a_row_takes_the_longest_step_that_its_cell_and_its_periods_allow(period
     assert steps_made(periods, 3) == [periods % 2, periods % 4 // 2, periods // 4]
 
 
-# --- the compiled kernel
-
 PACKED_FLOOR = re.compile(r"\b(v?roundpd|vrndscalepd)\b|\bfrintm\s+v\d+\.2d")
 PACKED_SUM = re.compile(r"\b(v?(add|mul|fmadd\d+)pd)\b|\bf(add|mul|mla)(\.2d)?\s+v\d+\.2d")
 
@@ -154,9 +150,6 @@ def test_places_rotations_and_sums_are_vector_code(order):
     assembly = assembly_of(order)
     assert len(PACKED_FLOOR.findall(assembly)) >= 6
     assert len(PACKED_SUM.findall(assembly)) >= (order + 1) * ceil((order + 1) * 2 / WIDTH)
-
-
-# --- points at the edges of the cells of tables in one to four dimensions, and a rounding before and behind them
 
 
 def edges_and_neighbours(grid: CellGrid, axis: int) -> np.ndarray:

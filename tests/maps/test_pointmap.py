@@ -30,10 +30,8 @@ def henon() -> PointMap:
 
 @pytest.fixture(scope="module")
 def rotation() -> PointMap:
-    def function(x: Any, p: Any) -> tuple[float, float]:
-        return x[0] + x[1], x[1]
 
-    return discrete_map(function, {}, (angle("phase", "turns", period=1.0, lower=0.0), "rate"))
+    return discrete_map(lambda x, p: (x[0] + x[1], x[1]), {}, (angle("phase", "turns", period=1.0, lower=0.0), "rate"))
 
 
 @pytest.fixture(scope="module")
@@ -112,9 +110,6 @@ def test_memory_is_refused_before_it_is_taken(henon: PointMap, monkeypatch: pyte
         henon.orbit(np.zeros((10, 2)), 100_000)
 
 
-# --- batches on all threads
-
-
 POINTS = np.random.default_rng(0).uniform(-0.5, 0.5, (203, 2))
 
 
@@ -152,9 +147,6 @@ def test_a_single_batch_of_many_periods_is_iterated_by_all_threads(henon: PointM
     for one, other in zip(*found, strict=True):
         assert one.points.tobytes() == other.points.tobytes()
         assert np.array_equal(one.status, other.status)
-
-
-# --- discrete maps
 
 
 def test_the_map_is_the_function(henon: PointMap) -> None:

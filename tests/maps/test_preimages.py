@@ -26,9 +26,6 @@ def before_henon(images):
     return np.stack([x, images[:, 0] - 1 + A * x**2], axis=-1)
 
 
-# --- maps on the plane that covers circles
-
-
 def test_full_rotations_that_images_gain():
     """The cat map less the identity; none for a rotation, a flow, or where there is no angle."""
     assert np.allclose(extra_turns(CAT, np.zeros(2)), [[1, 1], [1, 0]])
@@ -63,9 +60,6 @@ def test_steps_are_continuous_across_branch_cuts():
     assert step.exact is CAT
 
 
-# --- preimages of points
-
-
 def test_preimages_are_those_of_the_inverse():
     step, places = LiftedMap(HENON, NONE), RNG.uniform(-1, 1, (40, 2))
     targets = np.vstack([step(places), [[np.inf, 0.0]], step(places[:1])])
@@ -94,9 +88,6 @@ def test_where_nothing_is_mapped_there_is_no_preimage():
     assert settled.tolist() == [False, True]
     np.testing.assert_allclose(found[1], [2.0, 6.0], rtol=1e-12)
     assert not preimages(ON_SQUARE, np.array([[1.0, 0.0]]), np.array([[0.0, 0.0]]))[2].any()
-
-
-# --- preimages of curves
 
 
 def along(step, targets, guess):
@@ -145,9 +136,6 @@ def test_preimages_across_branch_cuts_form_one_curve():
     a, b = targets.T
     np.testing.assert_allclose(found, np.stack([a - b, 2 * b - a], axis=-1), atol=1e-9)
     assert cos(found[-1, 0]) == pytest.approx(cos(41.0), abs=1e-8)
-
-
-# --- inverses of maps by integration backwards in time
 
 
 def test_inverse_of_the_stroboscopic_map() -> None:

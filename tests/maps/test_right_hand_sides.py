@@ -19,45 +19,36 @@ from cellmap.maps import Status, jacobian
 ImagesOf = Callable[..., NDArray[np.float64]]
 
 
-def test_a_right_hand_side_that_branches(scipy_images: ImagesOf) -> None:
+def stop(t: float, x: Any, p: Any) -> tuple[float, float]:
     """A stop on one side: a spring that is stiffer for x > 0.  Its kink is no obstacle to a met tolerance."""
-
-    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
-        stiffness = p.k if x[0] > 0.0 else 1.0
-        return x[1], -0.1 * x[1] - stiffness * x[0] + sin(t)
-
-    system = ForcedSystem(rhs, {"k": 4.0}, 2 * pi, ("x", "v"))
-    initial_conditions = np.random.default_rng(2).uniform(-1.0, 1.0, (10, 2))
-    images = stroboscopic_map(system, rtol=1e-7, atol=1e-7)(initial_conditions)
-    assert images == pytest.approx(scipy_images(system, initial_conditions, rtol=1e-12, one_by_one=True), abs=2e-6)
-    many = stroboscopic_map(system, rtol=1e-7, atol=1e-7)(np.repeat(initial_conditions, 10, axis=0))
-    assert np.array_equal(many[::10], images)
+    stiffness = p.k if x[0] > 0.0 else 1.0
+    return x[1], -0.1 * x[1] - stiffness * x[0] + sin(t)
 
 
-def test_modules_and_functions_of_math_in_a_right_hand_side_that_branches(scipy_images: ImagesOf) -> None:
-    import math
-
-    def torque(v: float) -> float:
-        return 0.1 * v if v > 0.0 else 0.2 * v
-
-    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
-        return x[1], -torque(x[1]) - math.sin(x[0]) + p.f * np.cos(t) + math.pi * 0.0 + 0.01 * min(x[0], 1.0)
-
-    system = ForcedSystem(rhs, {"f": 0.3}, 2 * pi, ("x", "v"))
-    initial_conditions = [[0.5, 0.1], [-1.0, -0.5]]
-    images = stroboscopic_map(system, rtol=1e-7, atol=1e-7)(initial_conditions)
-    assert images == pytest.approx(scipy_images(system, initial_conditions, rtol=1e-12, one_by_one=True), abs=2e-6)
+def torque(v: float) -> float:
+    return 0.1 * v if v > 0.0 else 0.2 * v
 
 
-def test_functions_without_vector_form_come_from_libm(scipy_images: ImagesOf) -> None:
-    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
-        return x[1], -atan2(x[0], 1.0 + x[1] ** 2) - 0.1 * erf(x[1]) + 0.2 * cos(t)
+def modules(t: float, x: Any, p: Any) -> tuple[float, float]:
+    return x[1], -torque(x[1]) - math.sin(x[0]) + p.k * np.cos(t) + math.pi * 0.0 + 0.01 * min(x[0], 1.0)
 
-    system = ForcedSystem(rhs, {}, 2 * pi, ("x", "v"))
-    initial_conditions = np.random.default_rng(4).uniform(-2.0, 2.0, (6, 2))
-    assert stroboscopic_map(system)(initial_conditions) == pytest.approx(
-        scipy_images(system, initial_conditions, one_by_one=True), abs=1e-8
-    )
+
+def of_libm(t: float, x: Any, p: Any) -> tuple[float, float]:
+    """Functions without vector form."""
+    return x[1], -atan2(x[0], 1.0 + x[1] ** 2) - 0.1 * erf(x[1]) + 0.2 * p.k * cos(t)
+
+
+@pytest.mark.parametrize(
+    ("rhs", "k", "tolerance", "error"),
+    [(stop, 4.0, 1e-7, 2e-6), (modules, 0.3, 1e-7, 2e-6), (of_libm, 1.0, 1e-9, 1e-8)],
+)
+def test_images_are_those_of_scipy(rhs, k, tolerance, error, scipy_images):
+    system = ForcedSystem(rhs, {"k": k}, 2 * pi, ("x", "v"))
+    initial_conditions = np.random.default_rng(2).uniform(-1.0, 1.0, (8, 2))
+    strobe = stroboscopic_map(system, rtol=tolerance, atol=tolerance)
+    images = strobe(initial_conditions)
+    assert images == pytest.approx(scipy_images(system, initial_conditions, rtol=1e-12, one_by_one=True), abs=error)
+    assert np.array_equal(strobe(np.repeat(initial_conditions, 10, axis=0))[::10], images)
 
 
 def test_no_parameters_one_variable_and_an_unforced_flow() -> None:
@@ -80,9 +71,6 @@ def test_helpers_loops_and_numpy_in_a_right_hand_side(scipy_images: ImagesOf) ->
     initial_conditions = np.random.default_rng(5).uniform(-1.0, 1.0, (3, 6))
     strobe = stroboscopic_map(system, rtol=1e-7, atol=1e-7, method="RK45")
     assert strobe(initial_conditions) == pytest.approx(scipy_images(system, initial_conditions), abs=1e-6)
-
-
-# --- tables in right-hand sides and maps
 
 
 EQUAL, SINE = np.linspace(-2.0, 2.0, 9), np.sin(np.linspace(-2.0, 2.0, 9)) * 2.0

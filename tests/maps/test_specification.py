@@ -126,9 +126,6 @@ def test_an_inverse_map_is_not_rebuilt_as_its_forward_map() -> None:
     assert again(forward(INITIAL_CONDITIONS[:, :2])) == pytest.approx(INITIAL_CONDITIONS[:, :2], abs=1e-5)
 
 
-# --- a kind of map of a user's own
-
-
 def test_a_kind_of_ones_own_loses_nothing(valley: PointMap, tmp_path: Path) -> None:
     window = CellGrid((-2.5,), (2.5,), (50,))
     table = interpolated_map(valley, window, order=1, tolerance=0.1)
@@ -174,9 +171,6 @@ def test_a_map_that_was_changed_by_hand_is_not_built_again(valley: PointMap) -> 
     assert changed.recipe == {"kind": "map"}
 
 
-# --- formulas that are not known
-
-
 @pytest.mark.thorough
 def test_the_reason_why_formulas_are_not_known_is_told(caplog: pytest.LogCaptureFixture) -> None:
     def slips(x: Any, p: Any) -> tuple[float]:
@@ -203,9 +197,6 @@ def test_the_reason_why_formulas_are_not_known_is_told(caplog: pytest.LogCapture
     assert stroboscopic_map(SYSTEM).unknown_formulas == ""
 
 
-# --- memory behind the coefficients of a table
-
-
 @pytest.mark.parametrize("dimension", [1, 2])
 def test_tables_with_foreign_memory_behind_them_are_evaluated_alike(dimension: int) -> None:
     from cellmap.maps.interpolation.look_ups import LookUps
@@ -225,9 +216,6 @@ def test_tables_with_foreign_memory_behind_them_are_evaluated_alike(dimension: i
         orbits = Orbits.starting(INITIAL_CONDITIONS[:, :dimension].copy())
         LookUps(exact, [replace(table, coefficients=coefficients)], "integrate")(orbits, 1)
         assert orbits.points.tobytes() == expected.points.tobytes()
-
-
-# --- basins from what is stored of them
 
 
 PENDULUM, HENON = driven_pendulum(), henon_map()

@@ -37,9 +37,6 @@ def initial_conditions_of(name: str, count: int, seed: int = 0) -> NDArray[np.fl
     return np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(span))) * span
 
 
-# Accuracy
-
-
 @pytest.mark.parametrize(
     ("method", "tolerance"),
     [
@@ -53,14 +50,7 @@ def initial_conditions_of(name: str, count: int, seed: int = 0) -> NDArray[np.fl
     ],
 )
 @pytest.mark.parametrize("name", at_once(AT_ONCE, later=SPANS))
-def test_the_tolerance_is_met_at_precise_images(
-    problems: Mapping[str, ForcedSystem],
-    precise_images: list[dict[str, Any]],
-    allowance: ImagesOf,
-    name: str,
-    method: str,
-    tolerance: float,
-) -> None:
+def test_the_tolerance_is_met_at_precise_images(problems, precise_images, allowance, name, method, tolerance):
     """Against mpmath's images, fast rotations included."""
     rows = [r for r in precise_images if r["problem"] == name]
     initial_conditions, exact = (np.array([r[key] for r in rows]) for key in ("start", "image"))
@@ -96,14 +86,7 @@ AT_RANDOM = [
 @pytest.mark.parametrize(
     ("name", "method", "tolerance"), at_once([case for case in AT_RANDOM if case[0] in AT_ONCE], later=AT_RANDOM)
 )
-def test_the_tolerance_is_met_at_random_initial_conditions(
-    problems: Mapping[str, ForcedSystem],
-    allowance: ImagesOf,
-    tight_images: ImagesOf,
-    name: str,
-    method: str,
-    tolerance: float,
-) -> None:
+def test_the_tolerance_is_met_at_random_initial_conditions(problems, allowance, tight_images, name, method, tolerance):
     """The flow stretches the errors of large steps most; the margin under the tolerance makes up for it."""
     system, initial_conditions, exact = problems[name], initial_conditions_of(name, RANDOM), tight_images(name)
     strobe = stroboscopic_map(system, rtol=tolerance, atol=tolerance, method=method)
@@ -112,9 +95,7 @@ def test_the_tolerance_is_met_at_random_initial_conditions(
 
 
 @pytest.mark.slow
-def test_the_table_of_precise_images_is_reproduced(
-    problems: Mapping[str, ForcedSystem], precise_images: list[dict[str, Any]], precise_image: ImagesOf
-) -> None:
+def test_the_table_of_precise_images_is_reproduced(problems, precise_images, precise_image):
     for name in SPANS:
         row = next(r for r in precise_images if r["problem"] == name)
         assert precise_image(problems[name], row["start"]) == pytest.approx(row["image"], rel=1e-15)
@@ -129,13 +110,8 @@ def test_a_linear_flow_is_its_exponential(method: str) -> None:
     assert strobe([[1.0, 0.0], [3.0, -2.0]]) == pytest.approx(np.array([[0.0, -1.0], [-2.0, -3.0]]), abs=3e-14)
 
 
-# Time, phase and angles
-
-
 @pytest.mark.parametrize("phase", [0.0, 0.25, -0.4, 3.25])
-def test_the_section_lies_at_the_phase(
-    problems: Mapping[str, ForcedSystem], scipy_images: ImagesOf, phase: float
-) -> None:
+def test_the_section_lies_at_the_phase(problems, scipy_images, phase):
     for name in ("Duffing", "pendulum, 3 mm"):
         initial_conditions = initial_conditions_of(name, 4, seed=5)
         images = stroboscopic_map(problems[name], phase=phase).iterate(initial_conditions, 1).unwrapped
@@ -153,9 +129,6 @@ def test_free_rotation_loses_nothing_over_many_periods() -> None:
     assert images.rotations.tolist() == [14500, 0]
 
 
-# Purity
-
-
 @pytest.mark.parametrize(
     ("name", "method"),
     at_once(
@@ -163,9 +136,7 @@ def test_free_rotation_loses_nothing_over_many_periods() -> None:
         later=[("double pendulum", "auto")],
     ),
 )
-def test_an_image_does_not_depend_on_its_neighbours(
-    problems: Mapping[str, ForcedSystem], name: str, method: str
-) -> None:
+def test_an_image_does_not_depend_on_its_neighbours(problems, name, method):
     """Bit by bit, whether or not others stick: order, number and kind of the orbits, and the number of threads."""
     events = {"dry friction": (dimensionless_pendulum(0.5, 0.3, 0.03, 0.4), (pi, 3.0)), "impacts": (STRUCK, (1.5, 1.5))}
     system, span = events.get(name) or (problems[name], SPANS[name])
@@ -183,9 +154,6 @@ def test_an_image_does_not_depend_on_its_neighbours(
     for threads in (2, 3):
         set_threads(threads)
         assert np.array_equal(strobe.iterate(initial_conditions, 2).points, images)
-
-
-# Sweeps
 
 
 def test_a_sweep_compiles_nothing(problems: Mapping[str, ForcedSystem]) -> None:

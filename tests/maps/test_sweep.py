@@ -95,9 +95,6 @@ def test_a_period_that_follows_the_parameter() -> None:
     np.testing.assert_allclose(image, free.with_params(omega=1.3)([0.3, 0.1]), rtol=1e-10)
 
 
-# --- orbits at many values of parameters
-
-
 def test_states_within_steps_and_quantities_that_depend_on_them() -> None:
     """q = q0 + w t, v = v0 exp(-t): over two periods of 2 pi/w from a quarter of one on, in closed form."""
     outputs = {"sum": lambda t, x, p: (x[0] + p.w * x[1],)}

@@ -119,9 +119,6 @@ def test_derivatives_multiply_over_periods() -> None:
     )
 
 
-# Purity
-
-
 def test_one_bad_lane_does_not_disturb_the_others() -> None:
     strobe = stroboscopic_map(dimensionless_pendulum(0.5, 0.3, 0.03, 0.4))
     initial_conditions = initial_conditions_of((pi, 3.0), 2 * LANES)
@@ -131,9 +128,6 @@ def test_one_bad_lane_does_not_disturb_the_others() -> None:
     good = np.arange(len(initial_conditions)) % 35 != 5
     assert np.array_equal(images.points[good], again.points[good])
     assert (again.status[~good] != Status.OK).all()
-
-
-# What is refused, and what has no end
 
 
 def test_no_switches_no_events() -> None:

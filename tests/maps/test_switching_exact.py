@@ -16,10 +16,6 @@ from cellmap.maps import jacobian
 from systems import dimensionless_pendulum
 
 
-def bang_bang(t: float, x: Any, p: Any, s: Any) -> tuple[float, float]:
-    return x[1], -s[0]
-
-
 def tilted_line(t: float, x: Any, p: Any) -> tuple[float]:
     return (x[0] + p.tilt * x[1],)
 
@@ -44,7 +40,7 @@ def parabolas(x: float, v: float, tilt: float, left: float) -> tuple[float, floa
 def test_thrust_towards_a_tilted_line() -> None:
     """Ten crossings and more, between which the distance from the line is a parabola and the series ends early."""
     rng, count = np.random.default_rng(0), 0
-    system = ForcedSystem(bang_bang, {"tilt": 0.0}, 12.0, ("x", "v"), switches=tilted_line)
+    system = ForcedSystem(lambda t, x, p, s: (x[1], -s[0]), {"tilt": 0.0}, 12.0, ("x", "v"), switches=tilted_line)
     for tilt in (-0.037, 0.0, 0.01, 0.041):
         initial_conditions = rng.uniform(-1.0, 1.0, (300, 2)) * (1.0, 2.0)
         images = stroboscopic_map(system.with_params(tilt=tilt)).iterate(initial_conditions, 1)
@@ -162,9 +158,6 @@ def test_a_square_wave_on_a_spring() -> None:
         assert strobe(initial_conditions) == pytest.approx(exact, abs=1e-11)
 
 
-# Initial conditions on a surface
-
-
 def two_springs(t: float, x: Any, p: Any, s: Any) -> tuple[float, float]:
     return x[1], -(1.5 + 0.5 * s[0]) * x[0] - 0.1 * x[1] + p.force * cos(t)
 
@@ -202,10 +195,7 @@ def test_the_derivative_at_an_initial_condition_that_sticks() -> None:
 def test_a_surface_that_repels_is_left_to_the_side_of_the_smooth_part(side: float) -> None:
     """x' = sign x + 0.5 side: both sides lead away from 0; what decides is f_0, and + where it is zero."""
 
-    def rhs(t: float, x: Any, p: Any, s: Any) -> tuple[float]:
-        return (s[0] + p.drift,)
-
-    system = ForcedSystem(rhs, {"drift": 0.5 * side}, 1.0, ("x",), switches=position)
+    system = ForcedSystem(lambda t, x, p, s: (s[0] + p.drift,), {"drift": 0.5 * side}, 1.0, ("x",), switches=position)
     strobe = stroboscopic_map(system, rtol=1e-4, atol=1e-4)
     assert strobe([[0.0], [1e-13], [-1e-13]]) == pytest.approx(
         np.array([[1.5 * side], [1.0 + 0.5 * side], [-1.0 + 0.5 * side]]), abs=1e-11
@@ -249,17 +239,11 @@ def test_grazing(miss: float) -> None:
     def rhs(t: float, x: Any, p: Any, s: Any) -> tuple[float, float]:
         return x[1], -x[0] - 0.5 * p.extra * (1.0 - s[0]) * (x[0] + 1.0)
 
-    def wall(t: float, x: Any, p: Any) -> tuple[float]:
-        return (x[0] + 1.0,)
-
-    system = ForcedSystem(rhs, {"extra": 5.0}, 2.0 * pi, ("x", "v"), switches=wall)
+    system = ForcedSystem(rhs, {"extra": 5.0}, 2.0 * pi, ("x", "v"), switches=lambda t, x, p: (x[0] + 1.0,))
     ic = [1.0 - miss, 0.0]
     images = stroboscopic_map(system).iterate(ic, 1)
     assert images.status == Status.OK
     assert images.points == pytest.approx(ic, abs=1e-8 + 20.0 * max(-miss, 0.0))
-
-
-# --- three switching functions
 
 
 def test_three_blocks_stop_one_after_the_other() -> None:

@@ -177,9 +177,6 @@ def test_jumps_at_the_ends_of_the_period():
         ForcedSystem(lambda t, x, p, s: (x[1], -x[0] + s[0]), {}, 2.0, ("q", "v"), **ramp)
 
 
-# --- parameters that are arrays
-
-
 MATRIX = np.array([[0.0, 0.3], [0.2, 0.0]])
 POWERS = np.array([0.5, -0.1])
 

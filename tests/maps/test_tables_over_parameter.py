@@ -151,9 +151,6 @@ def test_cells_of_a_kink_that_stays_are_evaluated_with_the_exact_map() -> None:
     assert made.table.fallback.mean() < 1.15 * own.table.fallback.mean() + 0.02
 
 
-# --- drafts of tables
-
-
 def forced(t, x, p):
     return x[1], x[0] - x[0] ** 3 - 0.2 * x[1] + 0.1 * cos(t)
 

@@ -113,9 +113,6 @@ def test_values_that_are_infinite_for_a_while_bring_no_warning() -> None:
         assert forced(force, 1.0).length == 1.0
 
 
-# --- periods that are a whole multiple of that of the right-hand side
-
-
 CASES = {
     "5 Hz as a period": (lambda t: cos(2 * pi * 5 * t), 5.0, 25),
     "two frequencies": (lambda t: cos(t) + 0.01 * cos(3 * t), 2 * pi, 1),
