@@ -18,7 +18,6 @@ from cellmap import (
     angle,
     discrete_map,
     find_basins,
-    find_periodic_orbits,
     interpolated_map,
     load_basins,
     plot,
@@ -146,19 +145,6 @@ def test_a_slice_is_where_it_is_said_to_be(tmp_path):
     assert (ax.get_ylabel(), ax.get_title()) == ("$v$", "wells, $z$ = 0.5")
     assert uncertainty_exponent(basins, max_pairs=5000).dimension == 2
     assert image_uncertainty_exponent(basins).dimension == 2
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda: interpolated_map(MAP, SLICE),
-        lambda: SLICE.locate([[0, 0, 0.5]]),
-        lambda: find_periodic_orbits(MAP, SLICE),
-    ],
-)
-def test_cells_without_a_volume_are_refused_where_they_need_one(call):
-    with pytest.raises(ValueError, match=r"both 0\.5 along axis 2, which is a slice.*different corners"):
-        call()
 
 
 @pytest.mark.filterwarnings("ignore:.*fallback cells")

@@ -228,28 +228,6 @@ def test_parameters_share_what_is_compiled():
     assert first is second
 
 
-@pytest.mark.parametrize(
-    ("guard", "reset", "which"),
-    [
-        (lambda t, x, p: 2.0 - x[0], lambda t, x, p: (x[0], -x[1]), "guard"),
-        (lambda t, x, p: sin((2.0 - x[0]) / 2), lambda t, x, p: (x[0], -x[1]), "guard"),
-        (lambda t, x, p: sin(2.0 - x[0]), lambda t, x, p: (x[0], -x[1] * x[0]), "reset"),
-        (lambda t, x, p: sin(2.0 - x[0]), lambda t, x, p: (-x[0], -x[1]), ""),
-    ],
-)
-def test_an_impact_is_alike_at_every_turn_of_an_angle(guard, reset, which):
-    def made():
-        return ForcedSystem(turning, {"g": 1.0}, 1.0, (angle("theta"), "v"), impacts=[Impact(guard, reset)])
-
-    if not which:
-        assert made().impacts
-        return
-    with pytest.raises(
-        ValueError, match=rf"impacts\[0\].{which} is .* one period of theta further on .*: write it with"
-    ):
-        made()
-
-
 @pytest.mark.parametrize("along", [1.0, 7.0, -3.0])
 def test_rest_on_a_floor_while_friction_slides_and_sticks(along):
     """Bounces end at 2.26; friction decelerates by 1 all the time, until it holds."""

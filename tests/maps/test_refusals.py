@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import atan2, cos, erf, gamma, inf, nan, pi, sqrt
+from math import atan2, cos, erf, gamma, inf, nan, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from cellmap import (
     angle,
     discrete_map,
     find_basins,
+    find_periodic_orbits,
     interpolated_map,
     stroboscopic_map,
     trajectory,
@@ -41,6 +42,7 @@ PARAMS = {"delta": 0.15, "gamma": 0.2, "omega": 2.0}
 SPEED = lambda t, x, p: (x[1],)  # noqa: E731
 BLOCK = {"rhs": lambda t, x, p, s: (x[1], -0.3 * s[0]), "switches": SPEED}
 DRIVEN, HENON = two_well_duffing(), henon_map()
+SLICE = CellGrid((-2, 0.5), (2, 0.5), (20, 1))
 SQUARE, BALL = CellGrid((-1.0, -1.0), (1.0, 1.0), (8, 8)), Impact(lambda t, x, p: x[0], lambda t, x, p: (x[0], -x[1]))
 MATRIX = np.array([[0.0, 0.3], [0.2, 0.0]])
 
@@ -80,6 +82,10 @@ def table() -> Any:
 
 def struck(guard: Any = BALL.guard, reset: Any = BALL.reset) -> Any:
     return system(impacts=[Impact(guard, reset)])
+
+
+def turning(guard: Any, reset: Any) -> Any:
+    return system(lambda t, x, p: (x[1], -sin(x[0])), names=(angle("theta"), "v"), impacts=[Impact(guard, reset)])
 
 
 def enclosed(point_map: Any, centres: Any = ((0.5, 0.5),), halves: Any = (0.1, 0.1), **options: Any) -> Any:
@@ -143,6 +149,17 @@ VALUES = (
     (lambda: Impact(BALL.guard, BALL.reset, direction=2), "direction=2"),
     (lambda: struck(lambda t, x, p: x), r"impacts\[0\].guard returns .*: return a number"),
     (lambda: system(lambda t, x, p: (x.v, -x.q)), r"reads x.v: x is a plain tuple; begin with `q, v = x`"),
+    *(
+        (
+            lambda impact=impact: turning(*impact),
+            rf"impacts\[0\].{which} is .* one period of theta further on .*: write it",
+        )
+        for which, impact in (
+            ("guard", (lambda t, x, p: 2.0 - x[0], BALL.reset)),
+            ("guard", (lambda t, x, p: sin((2.0 - x[0]) / 2), BALL.reset)),
+            ("reset", (lambda t, x, p: sin(2.0 - x[0]), lambda t, x, p: (x[0], -x[1] * x[0]))),
+        )
+    ),
     # arrays of parameters
     (lambda: coupled({"K": MATRIX}).with_params(K=np.ones((1, 2))), "this system has 4 entries"),
     (lambda: coupled({"K": MATRIX}).with_params(K=np.ones((3, 2))), r"K\[2, 0\]"),
@@ -158,6 +175,14 @@ VALUES = (
     (lambda: grid(shape=40), r"such as shape=\(40, 40\)"),
     (lambda: grid(shape=(4,)), "a grid needs one entry for each coordinate"),
     (lambda: grid((-1e308, 0.0), (1.7e308, 1.0)), "no floating-point numbers separate"),
+    *(
+        (call, r"both 0\.5 along axis 1, which is a slice.*different corners")
+        for call in (
+            lambda: interpolated_map(HENON, SLICE),
+            lambda: SLICE.locate([0, 0.5]),
+            lambda: find_periodic_orbits(HENON, SLICE),
+        )
+    ),
     (lambda: grid().locate([0.5]), "its last axis must hold 2 coordinates"),
     (lambda: grid((-pi, -1.0), (2 * pi, 1.0)).on(as_coordinates((angle("a"), "v"))), "more than one period"),
     (lambda: CellGrid(0, 1, 5).on(as_coordinates(("q", "v"))), "grid has 1 axis and the system 2 coordinates"),
@@ -267,3 +292,7 @@ TYPES = (
 def test_the_message_says_what_to_give(error: type[Exception], call: Callable[[], Any], words: str) -> None:
     with pytest.raises(error, match=words):
         call()
+
+
+def test_an_impact_that_is_alike_at_every_turn_of_an_angle_is_taken() -> None:
+    assert turning(lambda t, x, p: sin(2.0 - x[0]), lambda t, x, p: (-x[0], -x[1])).impacts
