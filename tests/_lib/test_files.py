@@ -11,23 +11,13 @@ from functools import cache
 from math import cos, sin
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
-from cellmap import (
-    CellGrid,
-    ForcedSystem,
-    angle,
-    continue_orbit,
-    discrete_map,
-    find_basins,
-    interpolated_map,
-    periodic_orbit,
-    plot,
-    save_basins,
-    trajectory,
-)
+import cellmap
+from cellmap import CellGrid, angle, discrete_map, find_basins, plot
 from cellmap._compiled.object_cache import ObjectCache
 from cellmap.basins import prove
 from cellmap.bifurcations import attractor_atlas
@@ -55,28 +45,25 @@ def atlas(folder: Path) -> None:
 
 
 def animated(path: Path) -> None:
-    pendulum = ForcedSystem(
-        lambda t, x, p: (x[1], -sin(x[0])),
-        {},
-        1.0,
-        (angle("theta"), "v"),
-        outputs={"positions": lambda t, x, p: (0.0, 0.0, sin(x[0]), -cos(x[0]))},
-    )
-    plot.animate(trajectory(pendulum, [2.0, 0.0], periods=1, samples_per_period=2), path)
+    shown = {"positions": lambda t, x, p: (0.0, 0.0, sin(x[0]), -cos(x[0]))}
+    swing = lambda t, x, p: (x[1], -sin(x[0]))  # noqa: E731
+    pendulum = cellmap.ForcedSystem(swing, {}, 1.0, (angle("theta"), "v"), outputs=shown)
+    plot.animate(cellmap.trajectory(pendulum, [2.0, 0.0], periods=1, samples_per_period=2), path)
 
 
+@cache
 def branch() -> Any:
-    return continue_orbit(HALF, periodic_orbit(HALF, [0.0, 0.0]), "a", 0.4, 0.6)
+    return cellmap.continue_orbit(HALF, cellmap.periodic_orbit(HALF, [0.0, 0.0]), "a", 0.4, 0.6)
 
 
 FILM = film_at_rate(np.zeros((2, 16, 16), np.uint8), 10.0)
 POINTS = StabilityPoints(np.array([15.0, 35.0]), np.array([8.3e-3, 3.5e-3]))
 
 SAVERS: dict[str, tuple[str, Callable[[Path], object]]] = {
-    "basins": ("b.h5", lambda path: save_basins(basins(), path)),
+    "basins": ("b.h5", lambda path: cellmap.save_basins(basins(), path)),
     "proof": ("p.h5", lambda path: proof().save(path)),
     "checkpoint of basins": ("b.h5", lambda path: find_basins(HALF, GRID, checkpoint=path)),
-    "checkpoint of a table": ("t.h5", lambda path: interpolated_map(HALF, GRID, checkpoint=path)),
+    "checkpoint of a table": ("t.h5", lambda path: cellmap.interpolated_map(HALF, GRID, checkpoint=path)),
     "checkpoint of a proof": ("p.h5", lambda path: prove(basins(), splits=0, checkpoint=path)),
     "branch": ("b.branch", lambda path: save_auto(branch(), path)),
     "animation": ("a.gif", animated),
@@ -89,13 +76,11 @@ ALL = [pytest.param(*saver, id=name) for name, saver in SAVERS.items()]
 
 
 def special(path: Path, kind: str) -> None:
-    if kind == "a named pipe":
-        os.mkfifo(path)
-    elif kind == "a socket":
+    if kind == "a socket":
         with socket.socket(socket.AF_UNIX) as made:
             made.bind(str(path))
     else:
-        os.mknod(path, stat.S_IFCHR | 0o600, os.makedev(1, 3))
+        os.mknod(path, (stat.S_IFIFO if kind == "a named pipe" else stat.S_IFCHR) | 0o600, os.makedev(1, 3))
 
 
 @pytest.fixture
@@ -129,8 +114,7 @@ def test_links_are_followed_and_permissions_kept(name, save, tmp_path):
     (tmp_path / "second").symlink_to(kept / name)
     (tmp_path / name).symlink_to("second")
     save(tmp_path / name)
-    whole = (kept / name).stat()
-    assert stat.S_ISREG(whole.st_mode) and whole.st_size > 0
+    assert (kept / name).is_file() and (kept / name).stat().st_size > 0
     (kept / name).chmod(0o640)
     if os.geteuid() == 0:
         os.chown(kept / name, 12, 34)
@@ -151,9 +135,7 @@ def test_places_where_nothing_can_be_written_are_refused_at_once(name, save, tmp
     (tmp_path / f"folder{name}").symlink_to(tmp_path)
     monkeypatch.setattr("cellmap.explorer.images.Images.__init__", lambda *_: pytest.fail("it is computed"))
     for place, error, words in (
-        ("none/" + name, FileNotFoundError, "there is no folder"),
-        ("dangling" + name, FileNotFoundError, "there is no folder"),
-        ("file/" + name, FileNotFoundError, "there is no folder"),
+        *((place + name, FileNotFoundError, "there is no folder") for place in ("none/", "dangling", "file/")),
         ("loop" + name, OSError, "symbolic links"),
         ("folder" + name, IsADirectoryError, "is a folder"),
         ("n" * (250 - len(name)) + name, OSError, "give another"),
@@ -183,17 +165,10 @@ def test_a_folder_without_permission_is_refused_at_once(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(("name", "save"), ALL)
 def test_a_full_disk_keeps_the_older_file_and_says_what_to_do(name, save, tmp_path, monkeypatch):
-    (tmp_path / name).write_bytes(b"")
     if "checkpoint" not in str(save.__code__.co_names + save.__code__.co_consts):
         (tmp_path / name).write_bytes(b"older")
-    else:
-        (tmp_path / name).unlink()
     before = [(p, p.read_bytes()) for p in tmp_path.iterdir()]
-
-    def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr("os.fsync", full)
+    monkeypatch.setattr("os.fsync", Mock(side_effect=OSError(errno.ENOSPC, "No space left on device")))
     with pytest.raises(OSError, match=rf"free some, or choose another folder.*{name}") as found:
         save(tmp_path / name)
     assert found.value.errno == errno.ENOSPC
@@ -221,7 +196,7 @@ def test_a_lock_is_taken_of_files_alone(tmp_path):
     assert (tmp_path / "other").read_text() == "content"
 
 
-def test_one_checkpoint_by_two_names_has_one_lock(tmp_path):
+def test_one_checkpoint_by_two_names_has_one_lock(tmp_path, monkeypatch):
     (tmp_path / "link.h5").symlink_to("b.h5")
     seen = []
 
@@ -229,9 +204,9 @@ def test_one_checkpoint_by_two_names_has_one_lock(tmp_path):
         seen.append([p.name for p in tmp_path.glob("*.lock")])
         raise KeyboardInterrupt
 
+    monkeypatch.setattr("cellmap.basins.finding.label_store", looked)
     for name in ("b.h5", "link.h5"):
-        with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
-            patch.setattr("cellmap.basins.finding.label_store", looked)
+        with pytest.raises(KeyboardInterrupt):
             find_basins(HALF, GRID, checkpoint=tmp_path / name)
     assert seen == [[".b.h5.lock"]] * 2
 
@@ -248,10 +223,9 @@ def test_the_cache_of_code_leaves_what_is_no_file(kind, near):
 
 
 def test_what_is_written_in_the_place_of_a_private_file_is_never_open_to_others(tmp_path):
-    (tmp_path / "private").touch(0o600)
-    (tmp_path / "read only").touch(0o444)
-    for name in ("private", "read only"):
+    for name, mode in (("private", 0o600), ("read only", 0o444)):
+        (tmp_path / name).touch(mode)
         with written_whole(tmp_path / name) as part:
             assert part.stat().st_mode & 0o777 == 0o600
             part.write_text("text")
-    assert [(tmp_path / name).stat().st_mode & 0o777 for name in ("private", "read only")] == [0o600, 0o444]
+        assert (tmp_path / name).stat().st_mode & 0o777 == mode

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -53,37 +54,26 @@ def test_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     assert thread_count() == 5
 
 
-@pytest.mark.parametrize(
-    ("value", "error"), [("many", TypeError), ("2.5", TypeError), ("0", ValueError), ("-1", TypeError)]
-)
-def test_a_bad_environment_is_named(value: str, error: type[Exception], monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("value", ["many", "2.5", "0", "-1"])
+def test_a_bad_environment_is_named(value: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CELLMAP_THREADS", value)
-    with pytest.raises(error, match=r"CELLMAP_THREADS=.*: give a whole number"):
+    with pytest.raises(ValueError if value == "0" else TypeError, match=r"CELLMAP_THREADS=.*: give a whole number"):
         thread_count()
 
 
-@pytest.mark.parametrize(
-    ("count", "error"), [(0, ValueError), (-1, ValueError), (1.0, TypeError), (True, TypeError), ("2", TypeError)]
-)
-def test_bad_counts_are_refused(count: object, error: type[Exception]) -> None:
-    with pytest.raises(error, match=r"count=.*: give a whole number"):
-        set_threads(count)  # type: ignore[arg-type]
+@pytest.mark.parametrize("count", [0, -1, 1.0, True, "2"])
+def test_bad_counts_are_refused(count: Any) -> None:
+    with pytest.raises(ValueError if type(count) is int else TypeError, match=r"count=.*: give a whole number"):
+        set_threads(count)
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
 def test_every_task_runs_once(threads: int) -> None:
     set_threads(threads)
     done: list[int] = []
-    run_over(range(50), done.append)
-    assert sorted(done) == list(range(50))
-    run_over([], done.append)
-    assert len(done) == 50
-
-
-def test_tasks_run_side_by_side() -> None:
-    set_threads(2)
-    meeting = threading.Barrier(2, timeout=10.0)
-    run_over(range(2), lambda _: meeting.wait())
+    for tasks in (range(50), []):
+        run_over(tasks, done.append)
+        assert sorted(done) == list(range(50))
 
 
 @pytest.mark.parametrize("threads", [1, 2])
