@@ -18,10 +18,6 @@ def falling(t, x, p):
     return x[1], -p.g
 
 
-def turning(t, x, p):
-    return x[1], -p.g * sin(x[0])
-
-
 def table(t, p):
     return p.amplitude * cos(p.omega * t), -p.amplitude * p.omega * sin(p.omega * t)
 

@@ -84,7 +84,7 @@ def struck(guard: Any = BALL.guard, reset: Any = BALL.reset) -> Any:
     return system(impacts=[Impact(guard, reset)])
 
 
-def turning(guard: Any, reset: Any) -> Any:
+def turning(guard: Any = lambda t, x, p: sin(2.0 - x[0]), reset: Any = BALL.reset) -> Any:
     return system(lambda t, x, p: (x[1], -sin(x[0])), names=(angle("theta"), "v"), impacts=[Impact(guard, reset)])
 
 
@@ -149,17 +149,9 @@ VALUES = (
     (lambda: Impact(BALL.guard, BALL.reset, direction=2), "direction=2"),
     (lambda: struck(lambda t, x, p: x), r"impacts\[0\].guard returns .*: return a number"),
     (lambda: system(lambda t, x, p: (x.v, -x.q)), r"reads x.v: x is a plain tuple; begin with `q, v = x`"),
-    *(
-        (
-            lambda impact=impact: turning(*impact),
-            rf"impacts\[0\].{which} is .* one period of theta further on .*: write it",
-        )
-        for which, impact in (
-            ("guard", (lambda t, x, p: 2.0 - x[0], BALL.reset)),
-            ("guard", (lambda t, x, p: sin((2.0 - x[0]) / 2), BALL.reset)),
-            ("reset", (lambda t, x, p: sin(2.0 - x[0]), lambda t, x, p: (x[0], -x[1] * x[0]))),
-        )
-    ),
+    (lambda: turning(lambda t, x, p: 2.0 - x[0]), r"\.guard is .* one period of theta further on .*: write it with"),
+    (lambda: turning(lambda t, x, p: sin((2.0 - x[0]) / 2)), r"\.guard is .* one period of theta further on"),
+    (lambda: turning(reset=lambda t, x, p: (x[0], -x[1] * x[0])), r"\.reset is .* one period of theta further on"),
     # arrays of parameters
     (lambda: coupled({"K": MATRIX}).with_params(K=np.ones((1, 2))), "this system has 4 entries"),
     (lambda: coupled({"K": MATRIX}).with_params(K=np.ones((3, 2))), r"K\[2, 0\]"),
@@ -175,14 +167,9 @@ VALUES = (
     (lambda: grid(shape=40), r"such as shape=\(40, 40\)"),
     (lambda: grid(shape=(4,)), "a grid needs one entry for each coordinate"),
     (lambda: grid((-1e308, 0.0), (1.7e308, 1.0)), "no floating-point numbers separate"),
-    *(
-        (call, r"both 0\.5 along axis 1, which is a slice.*different corners")
-        for call in (
-            lambda: interpolated_map(HENON, SLICE),
-            lambda: SLICE.locate([0, 0.5]),
-            lambda: find_periodic_orbits(HENON, SLICE),
-        )
-    ),
+    (lambda: interpolated_map(HENON, SLICE), r"both 0\.5 along axis 1, which is a slice.*different corners"),
+    (lambda: SLICE.locate([0, 0.5]), r"both 0\.5 along axis 1, which is a slice.*different corners"),
+    (lambda: find_periodic_orbits(HENON, SLICE), r"both 0\.5 along axis 1, which is a slice.*different corners"),
     (lambda: grid().locate([0.5]), "its last axis must hold 2 coordinates"),
     (lambda: grid((-pi, -1.0), (2 * pi, 1.0)).on(as_coordinates((angle("a"), "v"))), "more than one period"),
     (lambda: CellGrid(0, 1, 5).on(as_coordinates(("q", "v"))), "grid has 1 axis and the system 2 coordinates"),
@@ -295,4 +282,4 @@ def test_the_message_says_what_to_give(error: type[Exception], call: Callable[[]
 
 
 def test_an_impact_that_is_alike_at_every_turn_of_an_angle_is_taken() -> None:
-    assert turning(lambda t, x, p: sin(2.0 - x[0]), lambda t, x, p: (-x[0], -x[1])).impacts
+    assert turning(reset=lambda t, x, p: (-x[0], -x[1])).impacts
