@@ -33,10 +33,9 @@ def test_the_window_is_where_the_points_are_straight():
     assert scaling_window(X, y) == (2, 7)
     assert fit_line(X, y).slope == pytest.approx(1.0)
     assert scaling_windows(X, y)[0][:2] == (2, 7)
-    with pytest.raises(ValueError, match="2 points are finite"):
-        scaling_window(X, np.where(X < 2, X, np.nan))
-    with pytest.raises(ValueError, match="2 points are finite"):
-        scaling_windows(X, np.where(X < 2, X, np.nan))
+    for windows in (scaling_window, scaling_windows):
+        with pytest.raises(ValueError, match="2 points are finite"):
+            windows(X, np.where(X < 2, X, np.nan))
 
 
 def test_windows_that_end_at_the_last_finite_point():

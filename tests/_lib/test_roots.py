@@ -28,12 +28,8 @@ def test_zeros_of_cubics_to_rounding():
     r = RNG.uniform(-5, 5, 200)
     sign = np.where(np.arange(200) % 2 == 0, 1.0, -1.0)
     calls = np.zeros(200, int)
-    found = solved(
-        lambda k, x: sign[k] * (x - r[k]) * (x * x + 1),
-        r - RNG.uniform(0.01, 9, 200),
-        r + RNG.uniform(0.01, 9, 200),
-        calls,
-    )
+    low, high = r - RNG.uniform(0.01, 9, 200), r + RNG.uniform(0.01, 9, 200)
+    found = solved(lambda k, x: sign[k] * (x - r[k]) * (x * x + 1), low, high, calls)
     np.testing.assert_allclose(found, r, rtol=5e-15, atol=1e-14)
     assert np.median(calls) <= 12 and calls.max() <= 40
 
