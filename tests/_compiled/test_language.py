@@ -90,6 +90,7 @@ CASES = {
     "a module without that": ["return math.nothing"],
     "constants that raise": ["return n + 1 // 0"],
     "constants that are written to": ["WEIGHTS[n - 3] = 1.0"],
+    "a place in a tuple that is no constant": ["return (x, n)[n]"],
     "a number that does not fit": ["b = np.zeros(2, np.int8)", "b[0] = 128"],
 }  # fmt: skip
 BESIDE = (

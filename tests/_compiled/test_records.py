@@ -165,3 +165,4 @@ def test_constants_are_records_too(tmp_path: Path) -> None:
     assert run(made(of_one, tmp_path, "one", head)) == 7.0
     pairs = ["pair = 1, 2.5", "k, m = pair", "return k + m + pair[0]"]
     assert run(made(pairs, tmp_path, "two", head)) == 4.5
+    assert run(made(["return WEIGHTS[n - 2]"], tmp_path, "three", head + "WEIGHTS = 0.5, -2.0\n")) == -2.0
