@@ -158,6 +158,10 @@ def test_maps_travel_and_are_made_again(tmp_path):
     np.testing.assert_array_equal(same.returns(initial_conditions).times, back.returns(initial_conditions).times)
     rotating = section_map(TORQUE, ("theta", 1.0, 1))
     basins = find_basins(rotating, CellGrid((3.0,), (9.0,), (10,)))
+    # Of the rotation the multiplier is exp(-damping * time): Liouville.
+    (attractor,), time = basins.attractors, rotating.returns(basins.attractors[0].points).times[0]
+    assert attractor.multipliers[0].real == pytest.approx(exp(-0.2 * time), rel=1e-6)
+    assert basins.fractions[0].fraction == 1.0
     again = recompute_basins(load_basins(save_basins(basins, tmp_path / "turning.h5")), TORQUE)
     np.testing.assert_array_equal(again.labels, basins.labels)
 
