@@ -19,6 +19,7 @@ _SAMPLES = 512  # in a period, in which a passage near an equilibrium shows
 _ASIDE = 1e-3  # part of the interval of the parameter within which a cycle that has shrunk tells where it vanishes
 _TOUCHING = 1e-2  # speed across the section, relative to the largest, of a cycle that is about to touch it
 _STEEP = 1e3  # relative change of the period for a scaled length of the branch that only ends of it have
+_LAST = 8  # places at the end of a branch along which the period is seen to grow
 _LONGEST = 0.9  # part of the longest time of return at which cycles are about to exceed it
 _SLOW = 0.1  # part of its largest speed at which an orbit may pass an equilibrium
 _NEAR = 0.1  # distance from an equilibrium, in extents of the orbit, of an orbit that passes it
@@ -64,15 +65,18 @@ class LimitCycles:
         spec, last = self._section, places[-1]
         if self.speed(last) < _TOUCHING * speed:
             return "the orbit touches the section"
-        orbits = self._orbits(places[-2:])
+        orbits = self._orbits(places[-_LAST:])
         times, states = orbits.motion(_SAMPLES)
-        before, period = times[-1]
-        apart = float(np.linalg.norm(last.unknowns - places[-2].unknowns))
-        if not (period > before and np.log(period / before) > _STEEP * apart):
-            beyond = period > _LONGEST * self.problem.period * spec.max_time
+        periods, along = times[-1], np.array([p.unknowns for p in places[-_LAST:]])
+        # Beside the end periods are rounding errors times what an orbit of such a length makes of them.
+        longest = int(np.argmax(periods))
+        before = periods[:longest]
+        apart = np.linalg.norm(along[:longest] - along[longest], axis=1)
+        if not (np.log(periods[longest] / before) > _STEEP * apart).any():
+            beyond = periods[-1] > _LONGEST * self.problem.period * spec.max_time
             return f"the return time reaches max_time={spec.max_time:g}" if beyond else None
         value = float(last.unknowns[-1] * self.problem.scale[-1])
-        passage = _passage(orbits[np.array([1])], states[:, 1], period)
+        passage = _passage(orbits[np.array([longest])], states[:, longest], periods[longest])
         return f"the period grows without bound at {self.name}={value:.10g}{passage}"
 
     @property

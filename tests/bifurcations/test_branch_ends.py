@@ -73,6 +73,19 @@ def test_an_equilibrium_on_a_section_is_no_periodic_orbit(parameters: dict[str, 
     assert periodic_orbit(section_map(circle, ("y", 0.0, 1)), [0.9]).points[0, 0] > 0.5
 
 
+@pytest.mark.thorough
+def test_the_cycles_of_lorenz_end_at_a_homoclinic_orbit():
+    """At r = 13.926 (Sparrow 1982).  Their periods there are rounding errors times the stretching of long orbits."""
+
+    def rhs(t, x, p):
+        return 10.0 * (x[1] - x[0]), x[0] * (p.r - x[2]) - x[1], x[0] * x[1] - 8.0 * x[2] / 3.0
+
+    section = section_map(ForcedSystem(rhs, {"r": 15.0}, 1.0, ("x", "y", "z")), ("z", 18.0, 1), rtol=1e-11, atol=1e-11)
+    branch = branch_of(section, [11.7, 12.6], "r", 13.0, 15.1, step=0.1)
+    assert branch.ends[0] == f"the period grows without bound at r={branch.values[0]:.10g}: homoclinic orbit"
+    assert abs(branch.values[0] - 13.926) < 1e-3
+
+
 def on_a_circle(max_time):
     """On the unit circle the angle has the rate w - sin(angle): the period is 2 pi / sqrt(w^2 - 1)."""
 
