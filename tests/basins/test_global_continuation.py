@@ -82,6 +82,7 @@ def test_attractors_are_there_between_birth_and_death(pendulum):
     ]
 
 
+@pytest.mark.thorough
 def test_random_sample_of_the_pendulum():
     initial_conditions = np.random.default_rng(0).uniform(*WINDOW, (4000, 2))
     sweep = continue_basins(PENDULUM, "amplitude", [2e-3, 3e-3], initial_conditions)

@@ -20,7 +20,7 @@ from cellmap.basins import refine_basins
 from cellmap.basins.strides import strided_tiles
 
 TABLE = CellGrid((-2.5, -2.5), (2.5, 2.5), (96, 96))
-THOROUGH = ("table", "undecided", "chaotic", "multi-period steps")
+THOROUGH = ("table", "small basins", "undecided", "chaotic", "multi-period steps")
 CASES = RUNS | {"table": (lambda: interpolated_map(duffing(), TABLE, tolerance=1e-2), WINDOW, {})}
 
 
