@@ -233,6 +233,7 @@ def test_a_curve_ends_where_the_map_jumps():
     torn = discrete_map(lambda x, p: (2 * x[0] + (0.7 if x[0] > 0.3 else 0.0), 0.5 * x[1]), {}, ("x", "y"))
     found = saddle_manifold(torn, periodic_orbit(torn, [0.0, 0.0]), "unstable", CellGrid((-2, -1), (2, 1), (1, 1)))
     assert {np.sign(finite(b.points)[-1, 0]): b.ended for b in found.branches} == {1.0: "resolution", -1.0: "window"}
+    assert -2.45 < np.nanmin(found.points[:, 0]) < -2.35  # a tenth of the window beyond it, by default
 
 
 @pytest.mark.parametrize("mu", [1.2, 2.0, 3.0])
