@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .._lib.arrays import Floats
 from ..maps.coordinates import difference
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
@@ -37,25 +38,25 @@ def check_attractors(attractors: Sequence[Attractor], point_map: PointMap, name:
         If one is in other coordinates, or the map takes its points elsewhere.
     """
     check_coordinates(attractors, point_map, name)
-    for a in attractors:
-        if not _is_of(a, point_map.without_table):
+    if not len(attractors):
+        return
+    orbits = Orbits.starting(np.concatenate([a.points for a in attractors]))
+    point_map.without_table.advance(orbits, 1)
+    ends = np.cumsum([len(a.points) for a in attractors])
+    for a, end in zip(attractors, ends.tolist(), strict=True):
+        images = orbits[np.arange(end - len(a.points), end)]
+        if not (images.alive.all() and _is_of(a, images.points, point_map)):
             raise ValueError(
                 f"{name} holds {a!r}, which is no attractor of this map: it takes its points elsewhere; give "
                 "attractors found for the same parameters, or follow these with continue_attractors"
             )
 
 
-def _is_of(attractor: Attractor, exact: PointMap) -> bool:
-    """Tell whether a map takes the points of an attractor to its next points, or into its boxes."""
-    orbits = Orbits.starting(attractor.points.copy())
-    exact.advance(orbits, 1)
-    if not orbits.alive.all():
-        return False
+def _is_of(attractor: Attractor, images: Floats, point_map: PointMap) -> bool:
+    """Tell whether the images of an attractor's points are its next points, or in its boxes."""
     region = attractor.neighbourhood
     if attractor.symmetry is None and region is not None and len(region.centres) == attractor.period > 0:
-        off = difference(orbits.points, np.roll(attractor.points, -1, axis=0), attractor.coordinates)
+        off = difference(images, np.roll(attractor.points, -1, axis=0), attractor.coordinates)
         metrics = np.roll(region.metrics, -1, axis=0)
         return bool(np.einsum("mi,mij,mj->m", off, metrics, off).max() <= _OFF**2)
-    if attractor.cover is not None:
-        return bool(inside_cover(attractor.cover, orbits.points, exact).mean() >= _INSIDE)
-    return True
+    return attractor.cover is None or bool(inside_cover(attractor.cover, images, point_map).mean() >= _INSIDE)
