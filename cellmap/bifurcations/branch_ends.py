@@ -43,7 +43,7 @@ class LimitCycles:
     def speed(self, place: SolutionPoint) -> float:
         """Return how fast the coordinate of the section changes there."""
         orbits = self._orbits([place])
-        return abs(float(orbits.rates(orbits.beginning[1])[0, 0, self._across]))
+        return abs(float(orbits.rates(orbits.beginning[1])[0, 0, self._section.place]))
 
     def vanishing(self, place: SolutionPoint, speed: float, largest: float) -> str | None:
         """Return the end of a branch whose cycles shrink to an equilibrium, at a speed beside the largest on it."""
@@ -52,9 +52,9 @@ class LimitCycles:
         orbits, problem = self._orbits([place]), self.problem
         times, states = orbits.motion(_SAMPLES)
         size = float(times[-1, 0]) * largest
-        if not np.ptp(states[:, 0, self._across]) < _SHRUNK * size:
+        if not np.ptp(states[:, 0, self._section.place]) < _SHRUNK * size:
             return None
-        units = np.insert(problem.scale[: problem.dimension], self._across, size)
+        units = np.insert(problem.scale[: problem.dimension], self._section.place, size)
         value = _hopf(orbits, states[:, 0].mean(axis=0), units, float(problem.scale[-1]))
         return f"the orbit shrinks to an equilibrium at {self.name}={value:.10g}"
 
@@ -84,11 +84,6 @@ class LimitCycles:
         spec = self.problem.point_map.spec
         assert isinstance(spec, Section)
         return spec
-
-    @property
-    def _across(self) -> int:
-        """Number of the coordinate of the section."""
-        return [c.name for c in self._section.system.axes].index(self._section.section[0])
 
     def _orbits(self, places: Sequence[SolutionPoint]) -> SweptOrbits:
         problem, d = self.problem, self.problem.dimension

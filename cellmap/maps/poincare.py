@@ -261,12 +261,13 @@ class Section(MapSpec[SectionMap]):
         check_tolerances(self)
 
     @property
-    def _place(self) -> int:
+    def place(self) -> int:
+        """Number of the coordinate that is constant on the section."""
         return [c.name for c in self.system.axes].index(self.section[0])
 
     @computed_once
     def _gated(self) -> Formulas:
-        return formulas(gated_system(self.system, self._place))
+        return formulas(gated_system(self.system, self.place))
 
     @computed_once
     def _trip(self) -> Trip:
@@ -276,7 +277,7 @@ class Section(MapSpec[SectionMap]):
         # With a side beyond -1 and 1 states would move faster than the system does, or backwards.
         bounds = np.where(np.arange(system.dimension + EXTRA) == system.dimension + 1, 1.0, np.inf)
         motion = flow(self._gated, 0.0, stretch, loose, atol, "auto", self.max_steps, bounds)
-        return Trip(system, self._place, value, direction, self.max_time, stretch, replace(motion, rtol=self.rtol))
+        return Trip(system, self.place, value, direction, self.max_time, stretch, replace(motion, rtol=self.rtol))
 
     @computed_once
     def _tangent_motion(self) -> Flow | None:
@@ -299,7 +300,7 @@ class Section(MapSpec[SectionMap]):
     def make(self) -> SectionMap:
         """Return the map, without its specification."""
         system, trip = self.system, self._trip
-        coordinates = tuple(c for j, c in enumerate(system.axes) if j != self._place)
+        coordinates = tuple(c for j, c in enumerate(system.axes) if j != self.place)
         lower, turn = turns_of(coordinates)
 
         def first_returns(points: Floats) -> tuple[NDArray[Any], ...]:
@@ -349,7 +350,7 @@ class Section(MapSpec[SectionMap]):
         if not len(rows):
             return
         step, stretch = float(times[rows].max()) / _LOOKS, self._trip.stretch
-        places = np.insert(points[rows], self._place, self.section[1], axis=1)
+        places = np.insert(points[rows], self.place, self.section[1], axis=1)
         watching = FlowAdvance(replace(self._watched, length=step), *turns_of(self.system.axes))
         sizes = np.abs(seen(watching, places, _LOOKS)[:, :, self._kept])
         lost = regrown(sizes, self._trip.motion.atol[self._kept])

@@ -134,8 +134,7 @@ class SweptOrbits:
         spec = self.exact.spec
         if not isinstance(spec, Section):
             return self.points
-        place = [c.name for c in spec.system.axes].index(spec.section[0])
-        return np.insert(self.points, place, spec.section[1], axis=1)
+        return np.insert(self.points, spec.place, spec.section[1], axis=1)
 
     @property
     def _parameters(self) -> Any:

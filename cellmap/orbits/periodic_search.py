@@ -141,10 +141,9 @@ def _rests(exact: PointMap, point: Floats, extent: Floats) -> bool:
     spec = exact.spec
     if not isinstance(spec, Section):
         return False
-    names, (across, value, _) = tuple(exact.params)[:1], spec.section
-    place = [c.name for c in spec.system.axes].index(across)
+    names, place = tuple(exact.params)[:1], spec.place
     orbit = SweptOrbits(exact, names, np.array([[exact.params[name] for name in names]]), point[None], 1)
-    rates = orbit.rates(np.insert(point, place, value)[None, None])[0, 0]
+    rates = orbit.rates(np.insert(point, place, spec.section[1])[None, None])[0, 0]
     return bool((np.abs(rates) * spec.system.length <= _STILL * np.insert(extent, place, extent.max())).all())
 
 
