@@ -16,11 +16,11 @@ from ..orbits.attractor import Attractor, Kind, Neighbourhood, sort_key
 from ..orbits.ellipsoids import half_widths
 from ..orbits.newton import newton, stable_orbit
 from .given import check_coordinates
+from .kinds.quasiperiodic import quasiperiodic_attractors
 from .matching import attractor_distance
-from .quasiperiodic import quasiperiodic_attractors
+from .regions.trapping import extent_of_motion
 from .search import neighbourhood_of, region_extent
-from .settling import Catalogue
-from .trapping import extent_of_motion
+from .settling.settle import Catalogue
 
 _FOLLOWED = 256  # periods in which an orbit comes to the invariant curve in the place of another
 _BESIDE = 64  # orbits that begin around each of others, in a box of the extent, and show how far orbits go

@@ -11,7 +11,7 @@ from ..maps.coordinates import difference
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
-from .boxes import inside_cover
+from .regions.boxes import inside_cover
 
 _OFF = 0.1  # radii of a trapping region between an image and the next point, from which on another map has made them
 _INSIDE = 0.99  # of the images of a sample are in the boxes of their attractor, which reach beyond where orbits went

@@ -20,26 +20,26 @@ from ..maps.point_map import PointMap
 from ..maps.small_states import warn_of_small_states_ahead
 from ..orbits.attractor import Attractor, Kind, Neighbourhood, sort_key
 from ..orbits.newton import stable_orbit
-from .boxes import inside_cover
-from .chaos import ORBITS, Examination, examine
-from .continua import closed_orbits, continua, joined_continua
-from .creeping import creeping, drawn_to
-from .equilibria import sticking_sets
-from .examined import LOOKED_AT, Examined, guesses_of
 from .given import check_attractors
+from .kinds.chaos import ORBITS, Examination, examine
+from .kinds.continua import closed_orbits, continua, joined_continua
+from .kinds.creeping import creeping, drawn_to
+from .kinds.equilibria import sticking_sets
+from .kinds.examined import LOOKED_AT, Examined, guesses_of
+from .kinds.quasiperiodic import long_cycle, quasiperiodic_attractors
+from .kinds.recurrence import closed_attractors
+from .kinds.transients import REMEDIES, Late, Reason, UnsettledWarning, regular
 from .labels import LABEL_NAMES, Label
-from .lyapunov_regions import Afford, always
-from .quasiperiodic import long_cycle, quasiperiodic_attractors
-from .quotients import quotient_of
-from .recurrence import closed_attractors
-from .residence import with_full_residence
-from .settling import Catalogue, settle, settle_on_threads
-from .surrogate import only_attractor
-from .transients import REMEDIES, Late, Reason, UnsettledWarning, regular
+from .regions.boxes import inside_cover
+from .regions.lyapunov_regions import Afford, always
+from .regions.trapping import still_trapping, trapping_neighbourhood
+from .regions.trapping_boxes import is_trapped
+from .settling.quotients import quotient_of
+from .settling.residence import with_full_residence
+from .settling.settle import Catalogue, settle, settle_on_threads
+from .shortcuts.surrogate import only_attractor
+from .shortcuts.wandering import FEWEST, are_chaotic, representatives
 from .translates import warning_of_translates
-from .trapping import still_trapping, trapping_neighbourhood
-from .trapping_boxes import is_trapped
-from .wandering import FEWEST, are_chaotic, representatives
 
 _LOOKS = 256  # looks at the same orbits, at most
 _FIRST_LOOK = 32  # periods before end points are refined for the first time

@@ -14,9 +14,9 @@ from .._lib.checks import claim_memory, finite_number, one_of, whole_number
 from .._lib.records import Keyed
 from .._lib.signatures import checked
 from .._lib.threads import slices
-from ..attractors.feature_groups import FeatureGroups, check_clusterer, grouped
+from ..attractors.features.feature_groups import FeatureGroups, check_clusterer, grouped
+from ..attractors.features.orbit_features import Features, extents, features_of, settled
 from ..attractors.labels import LABEL_NAMES, Label, label_of
-from ..attractors.orbit_features import Features, extents, features_of, settled
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Status

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._lib.arrays import Floats, Ints
 from .._lib.checks import listed, real_array, shown, whole_number
-from ..attractors.creeping import settled_at_last
 from ..attractors.given import check_attractors
+from ..attractors.kinds.creeping import settled_at_last
 from ..attractors.labels import LABEL_NAMES
-from ..attractors.settling import Catalogue, Classified, Rule, classify
+from ..attractors.settling.settle import Catalogue, Classified, Rule, classify
 from ..maps.coordinates import Coordinate
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor

@@ -11,10 +11,10 @@ import numpy as np
 
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import finite_number, warn_caller
+from ..attractors.kinds.transients import UnsettledWarning
 from ..attractors.labels import Label
-from ..attractors.residence import is_same
 from ..attractors.search import find_attractors
-from ..attractors.transients import UnsettledWarning
+from ..attractors.settling.residence import is_same
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
 from .classification import labeller

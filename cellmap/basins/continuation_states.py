@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import claim_memory
 from .._lib.threads import run_over, slices
-from ..attractors.settling import Catalogue, settle
+from ..attractors.settling.settle import Catalogue, settle
 from ..maps.coordinates import turns_of
 from ..maps.interpolation.over_parameter import CHECKED, Chebyshev, ParameterTable, combined, errors_over_parameter
 from ..maps.orbit_batch import NOTHING, Orbits, Status, Tally

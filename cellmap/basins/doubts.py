@@ -10,12 +10,12 @@ import numpy as np
 
 from .._lib.arrays import Floats, evenly
 from .._lib.checks import warn_caller
-from ..attractors.creeping import creeping
+from ..attractors.kinds.creeping import creeping
+from ..attractors.kinds.transients import REMEDIES, Reason
+from ..attractors.kinds.transients import UnsettledWarning as UnsettledWarning
 from ..attractors.labels import LABEL_NAMES, Label
 from ..attractors.search import find_attractors, region_extent
-from ..attractors.settling import Catalogue, settle
-from ..attractors.transients import REMEDIES, Reason
-from ..attractors.transients import UnsettledWarning as UnsettledWarning
+from ..attractors.settling.settle import Catalogue, settle
 from ..attractors.translates import warning_of_translates
 from ..maps.coordinates import difference
 from ..maps.orbit_batch import Orbits

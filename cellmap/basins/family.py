@@ -14,8 +14,8 @@ from .._lib.arrays import Floats
 from .._lib.stopping import Stop
 from ..attractors.continued import circles_followed, is_followed, orbits_followed, with_regions
 from ..attractors.matching import persistent_labels, thinned
-from ..attractors.residence import is_same
 from ..attractors.search import find_attractors
+from ..attractors.settling.residence import is_same
 from ..maps.coordinates import difference
 from ..maps.interpolation.drafts import draft_of, examined
 from ..maps.interpolation.dragged import Dragged

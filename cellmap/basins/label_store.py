@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from .._lib.arrays import Bools, Ints
 from .._lib.threads import slices
-from ..attractors.examined import Examined
+from ..attractors.kinds.examined import Examined
 from ..attractors.labels import LABEL_NAMES, Label, label_type
-from ..attractors.settling import Settled
+from ..attractors.settling.settle import Settled
 from ..maps.orbit_batch import NOTHING
 from .initial_conditions import BLOCK, Rows
 from .record import Basins, label_counts

@@ -19,15 +19,15 @@ from .._lib.records import Keyed
 from .._lib.stopping import Stop, Stopped, heeding
 from .._lib.threads import linear_algebra_on_one_thread, slices
 from .._lib.tiles import completed
-from ..attractors.chaos import examine
-from ..attractors.continua import joined_continua
-from ..attractors.examined import Examined
+from ..attractors.kinds.chaos import examine
+from ..attractors.kinds.continua import joined_continua
+from ..attractors.kinds.examined import Examined
+from ..attractors.kinds.transients import Late, Reason, regular
 from ..attractors.labels import LABEL_NAMES, Label, label_type
-from ..attractors.quotients import Quotient, quotient_of
-from ..attractors.residence import OBSERVED, unobserved, with_full_residence, with_residence
 from ..attractors.search import region_extent, search, sort_out
-from ..attractors.settling import Settled
-from ..attractors.transients import Late, Reason, regular
+from ..attractors.settling.quotients import Quotient, quotient_of
+from ..attractors.settling.residence import OBSERVED, unobserved, with_full_residence, with_residence
+from ..attractors.settling.settle import Settled
 from ..maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits, Status, Tally
 from ..maps.point_map import PointMap, ToleranceWarning, remedy_for_missed
 from ..orbits.attractor import Attractor, sort_key

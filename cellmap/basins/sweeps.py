@@ -11,9 +11,9 @@ from .._lib.arrays import Ints
 from .._lib.computed import computed_once
 from .._lib.stopping import Stop
 from .._lib.threads import slices
-from ..attractors.creeping import settled_at_last
-from ..attractors.examined import Examined
-from ..attractors.settling import Catalogue, Settled, settle
+from ..attractors.kinds.creeping import settled_at_last
+from ..attractors.kinds.examined import Examined
+from ..attractors.settling.settle import Catalogue, Settled, settle
 from ..maps.orbit_batch import CHUNK, NOTHING, Orbits, Tally
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor

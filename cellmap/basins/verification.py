@@ -12,11 +12,11 @@ from .._lib.arrays import Bools, Floats
 from .._lib.binomial import binomial_interval
 from .._lib.randomness import Rng, random_numbers
 from .._lib.threads import run_over, slices
-from ..attractors.creeping import drawn_to
+from ..attractors.kinds.creeping import drawn_to
+from ..attractors.kinds.mixing import unmixed
 from ..attractors.labels import Label, label_type
-from ..attractors.mixing import unmixed
 from ..attractors.search import find_attractors
-from ..attractors.settling import Catalogue, settle
+from ..attractors.settling.settle import Catalogue, settle
 from ..maps.orbit_batch import CHUNK, Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind

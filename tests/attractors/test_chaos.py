@@ -9,10 +9,10 @@ import pytest
 
 import systems
 from cellmap import CellGrid, Label, angle, discrete_map, find_basins, interpolated_map, stroboscopic_map
-from cellmap.attractors.boxes import inside_cover
-from cellmap.attractors.chaos import examine, lyapunov_exponents
-from cellmap.attractors.surrogate import only_attractor
-from cellmap.attractors.transients import Late
+from cellmap.attractors.kinds.chaos import examine, lyapunov_exponents
+from cellmap.attractors.kinds.transients import Late
+from cellmap.attractors.regions.boxes import inside_cover
+from cellmap.attractors.shortcuts.surrogate import only_attractor
 from cellmap.orbits import Kind
 
 DAMPED = systems.dimensionless_pendulum(0.25, 0.55, 0.05)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, discrete_map, find_attractors, find_basins
-from cellmap.attractors.clouds import Clouds, recurrent_groups
+from cellmap.attractors.kinds.clouds import Clouds, recurrent_groups
 from cellmap.basins import load_basins, save_basins
 from cellmap.orbits import Kind
 

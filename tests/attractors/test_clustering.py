@@ -10,7 +10,7 @@ import pytest
 
 from cellmap import Label, PointMap, angle, discrete_map, find_basins
 from cellmap.attractors import cluster_orbits
-from cellmap.attractors.feature_groups import check_clusterer, grouped
+from cellmap.attractors.features.feature_groups import check_clusterer, grouped
 from cellmap.orbits import Kind
 
 

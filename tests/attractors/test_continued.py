@@ -12,7 +12,7 @@ import systems
 from cellmap import CellGrid, PointMap, discrete_map, find_attractors, find_basins, stroboscopic_map
 from cellmap.attractors import continue_attractors
 from cellmap.attractors.continued import orbits_followed
-from cellmap.attractors.trapping import still_trapping
+from cellmap.attractors.regions.trapping import still_trapping
 from cellmap.orbits import Kind
 
 WIDE = CellGrid((-pi, -300.0), (pi, 300.0), (20, 20)).centres()

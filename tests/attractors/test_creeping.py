@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, Label, angle, discrete_map, find_basins
-from cellmap.attractors.continua import closed_orbits, continua
-from cellmap.attractors.creeping import creeping, drawn_to
+from cellmap.attractors.kinds.continua import closed_orbits, continua
+from cellmap.attractors.kinds.creeping import creeping, drawn_to
 from cellmap.basins import UnsettledWarning
 from cellmap.maps import PointMap
 from cellmap.orbits import Attractor, Kind

@@ -9,8 +9,8 @@ import pytest
 
 import systems
 from cellmap import CellGrid, ForcedSystem, Label, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
-from cellmap.attractors.continua import _with_boxes, closed_orbits, continua
-from cellmap.attractors.neutral_segments import traced
+from cellmap.attractors.kinds.continua import _with_boxes, closed_orbits, continua
+from cellmap.attractors.kinds.neutral_segments import traced
 from cellmap.orbits import Kind
 from cellmap.orbits.attractor import Cover
 

@@ -12,8 +12,8 @@ import pytest
 
 from cellmap import PointMap, angle, discrete_map, find_attractors
 from cellmap._lib.stopping import Stop, Stopped, heeding
-from cellmap.attractors.chaos import examine
-from cellmap.attractors.quasiperiodic import quasiperiodic_attractors
+from cellmap.attractors.kinds.chaos import examine
+from cellmap.attractors.kinds.quasiperiodic import quasiperiodic_attractors
 from cellmap.maps.orbit_batch import Orbits
 
 CIRCLE = discrete_map(

@@ -9,7 +9,7 @@ import pytest
 
 from cellmap import ForcedSystem, angle, discrete_map, find_attractors, find_basins, load_basins, save_basins
 from cellmap.analysis.resilience import basin_stability
-from cellmap.attractors.quotients import quotient_of
+from cellmap.attractors.settling.quotients import quotient_of
 from cellmap.basins import continue_basins
 from cellmap.exchange import to_xarray
 from cellmap.maps import stroboscopic_map

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from cellmap import angle, discrete_map, find_attractors, find_basins, load_basins, save_basins
-from cellmap.attractors import examined
-from cellmap.attractors.leading_exponents import leading_exponents
-from cellmap.attractors.mixing import unmixed
-from cellmap.attractors.recurrence import recurrent_attractors
-from cellmap.attractors.settling import Catalogue
-from cellmap.attractors.time_averages import moved_on
-from cellmap.attractors.trapping import trapping_neighbourhood
+from cellmap.attractors.kinds import examined
+from cellmap.attractors.kinds.leading_exponents import leading_exponents
+from cellmap.attractors.kinds.mixing import unmixed
+from cellmap.attractors.kinds.recurrence import recurrent_attractors
+from cellmap.attractors.regions.trapping import trapping_neighbourhood
+from cellmap.attractors.settling.settle import Catalogue
 from cellmap.maps.orbit_batch import Orbits
+from cellmap.maps.paths import moved_on
 
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 RADIUS = 0.7

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, angle, discrete_map, find_basins, stroboscopic_map
-from cellmap.attractors import chaos
-from cellmap.attractors.residence import with_full_residence
-from cellmap.attractors.settling import RESIDENCE, Catalogue, classify
-from cellmap.attractors.trapping_boxes import is_trapped, trapped_boxes
-from cellmap.attractors.wandering import are_chaotic, representatives
+from cellmap.attractors.kinds import chaos
+from cellmap.attractors.regions.trapping_boxes import is_trapped, trapped_boxes
+from cellmap.attractors.settling.residence import with_full_residence
+from cellmap.attractors.settling.settle import RESIDENCE, Catalogue, classify
+from cellmap.attractors.shortcuts.wandering import are_chaotic, representatives
 from cellmap.basins import load_basins, save_basins
 from cellmap.maps.point_map import PointMap
 from cellmap.orbits.attractor import Cover

@@ -12,9 +12,9 @@ from small_maps import CIRCLE, LINE, circle, grid_of, logistic
 import systems
 from cellmap import CellGrid, Label, PointMap, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
 from cellmap.attractors import search
-from cellmap.attractors.chaos import examine
-from cellmap.attractors.examined import Examined
-from cellmap.attractors.transients import Reason
+from cellmap.attractors.kinds.chaos import examine
+from cellmap.attractors.kinds.examined import Examined
+from cellmap.attractors.kinds.transients import Reason
 from cellmap.maps.orbit_batch import Orbits
 from cellmap.orbits import Kind
 

@@ -24,9 +24,9 @@ from cellmap import (
     interpolated_map,
     stroboscopic_map,
 )
-from cellmap.attractors.boxes import inside_cover
 from cellmap.attractors.labels import LABEL_NAMES, label_of
-from cellmap.attractors.settling import RESIDENCE, Catalogue, classify, settle
+from cellmap.attractors.regions.boxes import inside_cover
+from cellmap.attractors.settling.settle import RESIDENCE, Catalogue, classify, settle
 from cellmap.maps.coordinates import difference
 from cellmap.maps.orbit_batch import Orbits
 from cellmap.orbits.attractor import Cover
@@ -182,7 +182,7 @@ def test_labels_do_not_depend_on_the_rows_that_are_moved_together(pool, monkeypa
     initial_conditions = WIDE.centres().reshape(-1, 2)[::5]
     catalogue = Catalogue.of(find_attractors(point_map, initial_conditions), point_map)
     whole = settle(point_map, Orbits.starting(initial_conditions.copy()), catalogue, 10)
-    monkeypatch.setattr("cellmap.attractors.settling.POOL", pool)
+    monkeypatch.setattr("cellmap.attractors.settling.settle.POOL", pool)
     parts = settle(point_map, Orbits.starting(initial_conditions.copy()), catalogue, 10)
     assert 0 < len(whole.undecided) < len(initial_conditions)
     assert np.array_equal(whole.labels, parts.labels)

@@ -10,10 +10,10 @@ import pytest
 
 from cellmap import angle, discrete_map, find_attractors
 from cellmap._compiled.kernels.capture import Regions, sifted
-from cellmap.attractors.continua import Segment
-from cellmap.attractors.settling import Catalogue
-from cellmap.attractors.sieves import MANY, sieve_of
-from cellmap.attractors.tube import Curves, Tube, cover_of_tube
+from cellmap.attractors.kinds.continua import Segment
+from cellmap.attractors.regions.sieves import MANY, sieve_of
+from cellmap.attractors.regions.tube import Curves, Tube, cover_of_tube
+from cellmap.attractors.settling.settle import Catalogue
 from cellmap.maps.coordinates import shortest
 from cellmap.orbits.attractor import Neighbourhood
 

@@ -9,7 +9,7 @@ import pytest
 
 from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
 from cellmap.attractors import continue_attractors
-from cellmap.attractors.tube import DenseTorus
+from cellmap.attractors.regions.tube import DenseTorus
 from cellmap.basins import load_basins, save_basins
 from cellmap.orbits import Kind
 from cellmap.orbits.invariant_torus import fitted_torus

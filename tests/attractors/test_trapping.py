@@ -22,7 +22,7 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap._compiled.codegen.rebind import rebind
-from cellmap.attractors.trapping import trapping_neighbourhood
+from cellmap.attractors.regions.trapping import trapping_neighbourhood
 from cellmap.maps.coordinates import difference
 from cellmap.orbits import Kind
 from cellmap.orbits.newton import stable_orbit

@@ -12,7 +12,7 @@ from sklearn.cluster import DBSCAN, KMeans
 
 import systems
 from cellmap import CellGrid, Label, PointMap, discrete_map, find_basins, plot, set_threads, stroboscopic_map
-from cellmap.attractors.feature_groups import grouped
+from cellmap.attractors.features.feature_groups import grouped
 from cellmap.basins import classify_by_features
 from cellmap.maps import Iterate
 

@@ -21,8 +21,8 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap._compiled.loops import Loop
-from cellmap.attractors.settling import Catalogue, settle
-from cellmap.attractors.transients import Reason
+from cellmap.attractors.kinds.transients import Reason
+from cellmap.attractors.settling.settle import Catalogue, settle
 from cellmap.basins import Evidence
 from cellmap.basins.certification.cell_owners import within
 from cellmap.maps.orbit_batch import Orbits

@@ -14,7 +14,7 @@ import pytest
 from cellmap import CellGrid, discrete_map, find_attractors, find_basins, interpolated_map, load_basins, save_basins
 from cellmap.analysis.resilience import basin_stability
 from cellmap.attractors import labels
-from cellmap.attractors.settling import Catalogue, settle
+from cellmap.attractors.settling.settle import Catalogue, settle
 from cellmap.basins import certify
 from cellmap.exchange import from_xarray, to_xarray
 from cellmap.maps.orbit_batch import Orbits

@@ -18,10 +18,10 @@ from cellmap import (
     interpolated_map,
     stroboscopic_map,
 )
-from cellmap.attractors.boxes import inside_cover
 from cellmap.attractors.labels import LABEL_NAMES
+from cellmap.attractors.regions.boxes import inside_cover
 from cellmap.attractors.search import region_extent
-from cellmap.attractors.settling import Catalogue, settle
+from cellmap.attractors.settling.settle import Catalogue, settle
 from cellmap.maps.coordinates import difference, wrap
 from cellmap.maps.orbit_batch import Orbits
 from cellmap.orbits import Kind

@@ -21,10 +21,10 @@ from cellmap import (
     save_basins,
     stroboscopic_map,
 )
-from cellmap.attractors.chaos import Examination, examine
-from cellmap.attractors.equilibria import sticking_sets
-from cellmap.attractors.settling import RESIDENCE
-from cellmap.attractors.transients import Reason
+from cellmap.attractors.kinds.chaos import Examination, examine
+from cellmap.attractors.kinds.equilibria import sticking_sets
+from cellmap.attractors.kinds.transients import Reason
+from cellmap.attractors.settling.settle import RESIDENCE
 from cellmap.basins import run
 from cellmap.basins.run import _REPEATS, Run
 from cellmap.orbits import Kind

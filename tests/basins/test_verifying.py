@@ -20,7 +20,7 @@ from cellmap import (
     interpolated_map,
     stroboscopic_map,
 )
-from cellmap.attractors.mixing import unmixed
+from cellmap.attractors.kinds.mixing import unmixed
 from cellmap.basins import verification
 from cellmap.basins.record import Verification
 

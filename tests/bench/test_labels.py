@@ -21,7 +21,7 @@ from peers import best_time, heyoka_batches
 import cellmap
 from cellmap import CellGrid, angle, discrete_map, find_basins, interpolated_map, stroboscopic_map
 from cellmap.attractors import continue_attractors
-from cellmap.attractors.settling import Catalogue
+from cellmap.attractors.settling.settle import Catalogue
 from cellmap.basins import LiveBasins, continue_basins, refine_basins
 from cellmap.maps.coordinates import wrap
 from systems import (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, find_basins
-from cellmap.attractors.chaos import lyapunov_exponents
+from cellmap.attractors.kinds.chaos import lyapunov_exponents
 from systems import grebogi_ott_yorke_map, henon_map, logistic_map, mcdonald_map, standard_map
 
 

@@ -13,7 +13,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 import systems
 from cellmap import ForcedSystem, stroboscopic_map
-from cellmap.attractors.chaos import lyapunov_exponents
+from cellmap.attractors.kinds.chaos import lyapunov_exponents
 from cellmap.maps import jacobian
 from systems import hill_equation, mathieu_equation
 

@@ -14,9 +14,9 @@ from ..._lib.fit import Fit, fit_line
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.signatures import checked
 from ..._lib.threads import progress_bar, run_over, slices
-from ...attractors.boxes import inside_cover
 from ...attractors.given import check_attractors
-from ...attractors.settling import Catalogue
+from ...attractors.regions.boxes import inside_cover
+from ...attractors.settling.settle import Catalogue
 from ...maps.coordinates import Coordinate, wrap
 from ...maps.grid import CellGrid
 from ...maps.orbit_batch import CHUNK, Orbits

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..._lib.arrays import Ints
 from ...attractors.labels import Label
-from ...attractors.settling import Catalogue, settle_on_threads
+from ...attractors.settling.settle import Catalogue, settle_on_threads
 from ...maps.orbit_batch import Orbits, Tally
 from ...maps.point_map import PointMap
 from ..initial_conditions import InitialConditions

@@ -12,10 +12,10 @@ from ..._compiled.kernels.certainty import NONE, Window, carry_rows, judging, ke
 from ..._lib.arrays import Bools, Floats, Ints
 from ..._lib.randomness import random_numbers
 from ..._lib.threads import run_over, slices
-from ...attractors.boxes import inside_cover
-from ...attractors.creeping import settled_at_last
+from ...attractors.kinds.creeping import settled_at_last
 from ...attractors.labels import Label
-from ...attractors.settling import Settled, classify, settle
+from ...attractors.regions.boxes import inside_cover
+from ...attractors.settling.settle import Settled, classify, settle
 from ...maps.coordinates import wrap
 from ...maps.grid import Locator
 from ...maps.orbit_batch import CHUNK, NOTHING, Orbits, Tally

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..._lib.arrays import Ints
 from ...attractors.labels import label_type
-from ...attractors.residence import is_same
+from ...attractors.settling.residence import is_same
 from ...maps.orbit_batch import NOTHING
 from ...orbits.attractor import Attractor, sort_key
 from ..doubts import UnsettledWarning

@@ -16,7 +16,7 @@ from ..._lib.checks import claim_memory, parameter_intervals, whole_number
 from ..._lib.records import Keyed
 from ..._lib.signatures import checked
 from ...attractors.labels import Label
-from ...attractors.settling import Catalogue, classify
+from ...attractors.settling.settle import Catalogue, classify
 from ...maps.coordinates import turns_of
 from ...maps.enclosures import enclosed_images
 from ...maps.orbit_batch import Cost

@@ -21,7 +21,7 @@ from stored_basins import CASES, GRID
 import cellmap
 from cellmap import Attractor, Basins, CellGrid, Label, discrete_map, find_basins, load_basins, save_basins
 from cellmap._lib.sealed import get_mapping, put_text, seal
-from cellmap.attractors.examined import Examined
+from cellmap.attractors.kinds.examined import Examined
 from cellmap.basins import recompute_basins
 from cellmap.basins.label_file import _read_examined, _write_examined
 

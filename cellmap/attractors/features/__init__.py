@@ -1,0 +1,1 @@
+"""Attractors told apart by features of orbits that their user computes."""

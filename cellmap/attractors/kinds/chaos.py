@@ -1,0 +1,372 @@
+"""Chaotic attractors, identified by their Lyapunov exponents and covered by boxes."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._lib.arrays import Bools, Floats, Ints, evenly
+from ...maps.coordinates import difference, turns_of, wrap
+from ...maps.orbit_batch import Orbits
+from ...maps.paths import path_of
+from ...maps.point_map import PointMap
+from ...maps.tangent import tangent
+from ...orbits.attractor import Attractor, Cover, Kind
+from ...orbits.invariant_circle import drift
+from ...orbits.lyapunov import stretched
+from ...orbits.lyapunov_qr import BLOCKS, is_positive
+from ...orbits.newton import resolution
+from ..matching import thinned
+from ..regions.boxes import boxes_around, boxes_of, distinct_boxes, inside_cover, moved_boxes
+from ..regions.trapping_boxes import is_trapped, with_trapped_boxes
+from ..regions.tube import SAMPLED
+from ..settling.settle import RESIDENCE
+from .clouds import Clouds, pieces_of, recurrent_groups
+from .creeping import creeping
+from .leading_exponents import leading_exponents
+from .transients import HALF, Late, Reason, follow_on
+
+EXPONENT_PERIODS = 300
+"""Periods in which an orbit shows whether it is chaotic."""
+
+BOXES = 64
+"""Boxes along each axis of the bounding box of a sample of points."""
+
+_SAMPLE_PERIODS = 1000
+ORBITS = 32
+"""Orbits that are followed or tested, at most."""
+
+_FLAT = 1e-3  # least width of all boxes together, in units of the extent: rounding must not tell orbits apart
+_LONGEST_RETURN = 128
+_FINEST = 16  # times as many boxes along each axis where covers of two attractors hold the orbits of each other
+_KNOWN = 8192  # points of a known attractor that are compared
+_MARGIN = 0.1  # of a bounding box, at either side
+_VOLUMES = 8  # points of an orbit at which it is seen how volumes change, in more than four dimensions
+_ZERO = 0.01  # largest size of an exponent that may be zero
+MATURE = (
+    256  # periods from which orbits may have come to a chaotic attractor, if a neighbourhood of it shows them there
+)
+_TOO_MANY = 3  # exponents that are zero on tori for which there is no trapping region
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """What became of orbits that had not settled.
+
+    ``attractors``: chaotic attractors that were not known; ``reasons``: for each orbit that is on none of these, why it
+    is undecided.
+    """
+
+    attractors: tuple[Attractor, ...]
+    reasons: tuple[Reason, ...]
+
+
+def examine(
+    point_map: PointMap,
+    states: Floats,
+    extent: Floats | None = None,
+    known: Sequence[Attractor] = (),
+    age: int = 0,
+    late: Late | None = None,
+    trapped: bool = True,
+) -> Examination:
+    """Find the chaotic attractors on which long-lived orbits move, and say why the other orbits are undecided.
+
+    An orbit counts as chaotic where its largest Lyapunov exponent is positive, by five standard errors and more than
+    1e-3 for each step, and as one on an attractor where volumes are not preserved along it.  An orbit that returns to
+    where it was is on an unstable periodic orbit.  Orbits whose points are nearest neighbours of one another are on one
+    attractor, and so are those that go to and fro between two such sets.
+
+    At most 32 of the states (n, d), evenly spread, are followed, for five times the `age` in periods that they have,
+    unless all of them are in a neighbourhood of one attractor that no orbit leaves, see :func:`trapped_boxes`, which is
+    looked for if there may be `trapped` boxes.  If any of them leaves, or ends on a known attractor that is not
+    chaotic, all of them are transients.  Orbits that stay among the boxes of a known chaotic attractor are on that
+    attractor.  No orbit is on a new one if it is among the points of a known chaotic attractor, if orbits go from there
+    to another attractor, or if any of those that came `late` to attractors that are not chaotic was in chaos there,
+    halfway.  The size of the region of interest is 1 by default.
+    """
+    chosen = states[evenly(len(states), ORBITS)]
+    reach = np.ones(point_map.dimension) if extent is None else extent
+    _, reasons = tested(point_map, chosen, reach, EXPONENT_PERIODS)
+    chaotic = reasons == Reason.TRANSIENT
+    if not chaotic.any():
+        rows = np.flatnonzero(reasons == Reason.REGULAR)
+        few = point_map.dimension <= SAMPLED
+        if few and len(rows) and drift(point_map, chosen[rows[0]], reach) is not None:
+            reasons[rows] = Reason.RESONANT
+        return Examination((), tuple(map(Reason, reasons)))
+    if trapped and chaotic.all() and age >= MATURE and point_map.is_flow and point_map.dimension <= SAMPLED:
+        found_early = _trapped(point_map, chosen, reach, known, late)
+        if found_early is not None:
+            return Examination((found_early,), ())
+    rows = np.flatnonzero(chaotic | (reasons == Reason.REGULAR))
+    followed = follow_on(point_map, chosen[rows], chaotic[rows], known, age)
+    reasons[rows] = followed.reasons
+    rows, orbit = rows[followed.lasting], followed.orbits
+    if not len(rows):
+        return Examination((), tuple(map(Reason, reasons)))
+    # The exponents of an attractor are those of orbits that have come to it; transients have others.
+    exponents, doubts = tested(point_map, orbit.points, reach, _SAMPLE_PERIODS)
+    lasting = doubts == Reason.TRANSIENT
+    reasons[rows[~lasting]] = doubts[~lasting]
+    rows, orbit, exponents = rows[lasting], orbit[lasting], exponents[lasting]
+    history = path_of(point_map, orbit, _SAMPLE_PERIODS)
+    alive = orbit.alive
+    rows, history, exponents = rows[alive], history[:, alive], exponents[alive]
+    if not len(rows):
+        return Examination((), tuple(map(Reason, reasons)))
+    paths = followed.path[:, lasting][:, alive], followed.transients
+    found, reasons[rows] = _distinguished(point_map, history, exponents, *paths, reach, known, late)
+    return Examination(tuple(found), tuple(Reason(r) for r in reasons if r is not None))
+
+
+def _trapped(
+    point_map: PointMap, states: Floats, extent: Floats, known: Sequence[Attractor], late: Late | None
+) -> Attractor | None:
+    """Return the chaotic attractor of all orbits, if it is one, and in a neighbourhood that no orbit leaves."""
+    attractor, ends = one_attractor(point_map, states, extent, known, late)
+    if attractor is None:
+        return None
+    (attractor,) = with_trapped_boxes(point_map, [attractor], known)
+    return with_exponents(point_map, attractor, ends, extent) if is_trapped(attractor) else None
+
+
+def one_attractor(
+    point_map: PointMap, states: Floats, extent: Floats, known: Sequence[Attractor], late: Late | None
+) -> tuple[Attractor | None, Floats]:
+    """Return the attractor of all of some chaotic orbits, None if it is not one, and where they are in the end.
+
+    The exponents of the attractor are not known yet.
+    """
+    orbits = Orbits.starting(states.copy())
+    history = path_of(point_map, orbits, _SAMPLE_PERIODS)
+    if not orbits.alive.all():
+        return None, orbits.points
+    paths = states[None], np.empty((0, *history.shape[::2]))
+    found, reasons = _distinguished(point_map, history, np.zeros(states.shape), *paths, extent, known, late)
+    one = len(found) == 1 and all(reason is None for reason in reasons)
+    return (found[0] if one else None), orbits.points
+
+
+def with_exponents(point_map: PointMap, attractor: Attractor, ends: Floats, extent: Floats) -> Attractor | None:
+    """Return an attractor with the exponents of 32 of the orbits that have come to it; None if one is not chaotic."""
+    exponents, doubts = tested(point_map, ends[evenly(len(ends), ORBITS)], extent, _SAMPLE_PERIODS)
+    if (doubts != Reason.TRANSIENT).any():
+        return None
+    return replace(attractor, exponents=-np.sort(-exponents, axis=-1).mean(axis=0))
+
+
+def _distinguished(
+    point_map: PointMap,
+    history: Floats,
+    exponents: Floats,
+    path: Floats,
+    transients: Floats,
+    extent: Floats,
+    known: Sequence[Attractor],
+    late: Late | None,
+) -> tuple[list[Attractor], NDArray[Any]]:
+    """Return the new attractors of chaotic orbits (periods, n, d), and for each orbit (n,) why it is on none, or None.
+
+    ``path`` is where the orbits were before, ``transients`` are pieces of others, see :func:`recurrent_groups`.
+    """
+    lower, widths = lattice(history.reshape(-1, point_map.dimension), point_map, extent)
+    met = [thinned(a.points, _KNOWN) for a in known if a.kind is Kind.CHAOTIC]
+    clouds = Clouds(point_map, [*history.swapaxes(0, 1), *met], BOXES * widths)
+    group, leaves = recurrent_groups(clouds, path, widths, transients)
+    fading = None if late is None else _fading(point_map, clouds, group, late, known)
+    reasons, groups, found = np.full(history.shape[1], None, object), [], []
+    new = np.arange(len(group)) < len(reasons)
+    for g in np.unique(group[new]):
+        mine = np.flatnonzero(new & (group == g))
+        if (group[~new] == g).any():
+            reasons[mine] = Reason.VISITING
+        elif leaves[mine].any() or (fading is not None and g in fading):
+            reasons[mine] = Reason.TRANSIENT
+        else:
+            groups.append(mine)
+    for mine, cover in zip(*_apart(history, groups, lower, widths, point_map, extent), strict=True):
+        points, spectrum = history[:, mine].reshape(-1, point_map.dimension), -np.sort(-exponents[mine], axis=-1)
+        spectrum = spectrum if spectrum.shape[1] == point_map.dimension else spectrum[:, :1]
+        resolved = _resolution(clouds, mine, cover)
+        found.append(aperiodic(Kind.CHAOTIC, points, spectrum.mean(axis=0), point_map, cover, resolution=resolved))
+    return found, reasons
+
+
+def aperiodic(
+    kind: Kind, points: Floats, exponents: Floats, point_map: PointMap, cover: Cover, **more: Any
+) -> Attractor:
+    """Return an attractor that has no period and no multipliers."""
+    still = (0,) * point_map.dimension
+    none = np.empty(0, complex)
+    return Attractor(kind, 0, points, still, none, exponents, point_map.coordinates, cover=cover, **more)
+
+
+def _resolution(clouds: Clouds, members: Ints, cover: Cover) -> Floats:
+    """Return the distance below which sets are not distinguished; of joined ones it is the width of a box."""
+    resolved = clouds.resolution(members)
+    return resolved if len(np.unique(clouds.group[members])) == 1 else np.maximum(resolved, cover.widths)
+
+
+def _fading(point_map: PointMap, clouds: Clouds, group: Ints, late: Late, known: Sequence[Attractor]) -> Ints:
+    """Return the groups of samples on which orbits were that came to an attractor that is not chaotic later."""
+    half = late.halfway(point_map, known)
+    if not len(half):
+        return group[:0]
+    place = clouds.place_of(pieces_of(point_map, half), group)
+    rows = np.flatnonzero(place >= 0)
+    if len(rows):
+        growth = _spectrum(point_map, half[rows], np.ones(point_map.dimension), HALF)[0].max(axis=-1)
+        rows = rows[growth > 0.0]  # others are on their way to an attractor beside the sample
+    return np.unique(place[rows])
+
+
+def tested(
+    point_map: PointMap, points: Floats, extent: Floats, periods: int, unanimous: bool = False
+) -> tuple[Floats, NDArray[Any]]:
+    """Return the exponents of orbits (n, d), and what these say of each (n,): TRANSIENT where it is chaotic.
+
+    Exponents of at most 0.01 that are not surely positive count as zero, as they are on a torus.
+
+    Those of an orbit that comes back to where it was are not computed: it is on a cycle whatever they are.  Neither are
+    those of one that creeps to rest.  If nothing but `unanimous` chaos counts, none are where there is such an orbit:
+    the others are ENDING.
+    """
+    back, creeps = returns(point_map, points, extent), creeping(point_map, points, extent).found
+    exponents = np.full((len(points), min(points.shape[1], SAMPLED)), np.nan)
+    errors, rates = np.full(len(points), np.nan), np.full(len(points), np.nan)
+    moving = ~back & ~creeps
+    if moving.all() or (moving.any() and not unanimous):
+        exponents[moving], errors[moving], rates[moving] = _spectrum(point_map, points[moving], extent, periods)
+    with np.errstate(invalid="ignore"):
+        chaotic = is_positive(exponents.max(axis=-1), errors)
+        shrinking = np.abs(rates) > 1e-6
+        zeros = (np.abs(exponents) <= _ZERO).sum(axis=-1)
+    reasons = np.full(len(points), Reason.REGULAR, object)
+    reasons[zeros >= _TOO_MANY] = Reason.TORUS
+    reasons[~shrinking] = Reason.PRESERVED
+    reasons[chaotic] = Reason.TRANSIENT
+    reasons[chaotic & ~shrinking] = Reason.CONSERVATIVE
+    reasons[np.isnan(exponents).any(axis=-1)] = Reason.ENDING
+    reasons[back] = Reason.PERIODIC
+    reasons[creeps] = Reason.CREEPING  # so slowly that some of them seem to have come back
+    return exponents, reasons
+
+
+def returns(point_map: PointMap, states: Floats, extent: Floats) -> Bools:
+    """Tell which orbits come back to within rounding of where they were."""
+    path = path_of(point_map, Orbits.starting(states.copy()), _LONGEST_RETURN)
+    apart = np.abs(difference(path, states, point_map.coordinates))
+    return np.asarray((apart <= 1e-7 * resolution(states, extent)).all(axis=-1).any(axis=0))
+
+
+def _spectrum(point_map: PointMap, points: Floats, extent: Floats, periods: int) -> tuple[Floats, Floats, Floats]:
+    """Return exponents per step (n, k) along orbits, standard errors (n,) of the largest, and rates (n,) of volumes.
+
+    In more than four dimensions these are the largest four, from orbits beside others, and the rates are those at a few
+    points: all of them would cost as much as hundreds of orbits.
+    """
+    exact = point_map.without_table
+    if exact.dimension <= SAMPLED:
+        exponents, errors = lyapunov_exponents(exact, points, periods)
+        return exponents, errors, exponents.sum(axis=-1)
+    exponents, errors = leading_exponents(exact, wrap(points, exact.coordinates), extent, periods)
+    rates, here = np.zeros(len(points)), Orbits.starting(wrap(points, exact.coordinates))
+    for _ in range(_VOLUMES):
+        places = np.where(here.alive[:, None], here.points, 0.0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            rates += np.linalg.slogdet(tangent(exact, places, coarse=True)[1])[1] / _VOLUMES
+        exact.advance(here, 1)
+    return exponents, errors, rates
+
+
+def lyapunov_exponents(point_map: PointMap, initial_conditions: Floats, periods: int) -> tuple[Floats, Floats]:
+    """Return the exponents per step (n, d) along orbits and the standard error (n,) of the largest; NaN where one ends.
+
+    Their order is that of the axes of the frame that is carried along: the largest comes first unless an orbit sits
+    where the map keeps the axes.
+    """
+    exact = point_map.without_table
+    orbits = Orbits.starting(wrap(initial_conditions, exact.coordinates))
+    frames = np.broadcast_to(np.eye(exact.dimension), (*initial_conditions.shape, exact.dimension)).copy()
+    length = periods // BLOCKS
+    growth = np.array([stretched(exact, orbits, frames, length) for _ in range(BLOCKS)])
+    total = growth.sum(axis=0) + stretched(exact, orbits, frames, periods - BLOCKS * length)
+    with np.errstate(invalid="ignore"):  # a vanishing derivative has an infinite logarithm
+        errors = (growth / length).std(axis=0, ddof=1) / np.sqrt(BLOCKS)
+    total[~orbits.alive] = errors[~orbits.alive] = np.nan
+    exponents = total / periods
+    largest = np.argmax(np.where(np.isnan(exponents), -np.inf, exponents), axis=-1)
+    return exponents, np.take_along_axis(errors, largest[:, None], axis=-1)[:, 0]
+
+
+def lattice(points: Floats, point_map: PointMap, extent: Floats) -> tuple[Floats, Floats]:
+    """Boxes that cut the bounding box of the points, or the circle, into equal parts."""
+    cut, turn = turns_of(point_map.coordinates)
+    lower = np.where(turn > 0, cut, points.min(axis=0))
+    span = np.where(turn > 0, turn, np.maximum(np.ptp(points, axis=0), _FLAT * extent))
+    return lower, span / BOXES
+
+
+def _few_axes(
+    points: Floats, lower: Floats, widths: Floats, point_map: PointMap, extent: Floats
+) -> tuple[Floats, Floats, Bools]:
+    """Return corner and sides of boxes that reach across all points, but along at most four axes, and which these are.
+
+    They are the axes along which the points are most spread.  Along the others boxes have a margin, and no neighbours,
+    of which there would be 3^d.
+    """
+    turn, cut = turns_of(point_map.coordinates)[1], np.zeros(len(widths), bool)
+    cut[np.argsort(-np.ptp(points, axis=0) / extent, kind="stable")[:SAMPLED]] = True
+    margin = np.where(turn > 0, 0.0, _MARGIN * BOXES * widths)
+    return np.where(cut, lower, lower - margin), np.where(cut, widths, BOXES * widths + 2.0 * margin), cut
+
+
+def _apart(
+    history: Floats, groups: Sequence[Ints], lower: Floats, widths: Floats, point_map: PointMap, extent: Floats
+) -> tuple[list[Ints], list[Cover]]:
+    """Return groups of orbits with covers so fine that none stays for long in that of another group.
+
+    Groups that no boxes keep apart are one.
+    """
+    groups, fineness = list(groups), 1
+    lower, widths, cut = _few_axes(history.reshape(-1, point_map.dimension), lower, widths, point_map, extent)
+    while True:
+        finer = np.where(cut, widths / fineness, widths)
+        covers = [_cover(history[:, g].reshape(-1, point_map.dimension), lower, finer, cut, point_map) for g in groups]
+        pairs = [
+            (j, k) for j, k in itertools.permutations(range(len(groups)), 2)
+            if _longest_stay(history[:, groups[j]], covers[k], point_map) > RESIDENCE // 2
+        ]  # fmt: skip
+        if not pairs:
+            return groups, covers
+        if fineness < _FINEST:
+            fineness *= 2
+        else:
+            j, k = pairs[0]
+            groups[j] = np.sort(np.concatenate([groups[j], groups.pop(k)] if k > j else [groups[k], groups[j]]))
+            if k < j:
+                groups.pop(k)
+
+
+def _longest_stay(history: Floats, cover: Cover, point_map: PointMap) -> int:
+    """Return the largest number of steps in a row in which one of some orbits (steps, n, dimension) is in a cover."""
+    inside = inside_cover(cover, history.reshape(-1, point_map.dimension), point_map).reshape(len(history), -1)
+    stay = longest = np.zeros(inside.shape[1], np.int64)
+    for now in inside:
+        stay = np.where(now, stay + 1, 0)
+        longest = np.maximum(longest, stay)
+    return int(longest.max())
+
+
+def _cover(points: Floats, lower: Floats, widths: Floats, cut: Bools, point_map: PointMap) -> Cover:
+    """Boxes of the points and all their neighbours along the axes that are cut."""
+    visited = distinct_boxes(boxes_of(points, lower, widths, point_map))
+    shifts = np.array(list(itertools.product(*[(-1, 0, 1) if c else (0,) for c in cut])))
+    around = boxes_around(widths, turns_of(point_map.coordinates)[1])
+    return Cover(lower, widths, moved_boxes(visited, shifts, around))

@@ -1,0 +1,194 @@
+"""What a search for attractors tries: guesses of periodic points among the ends of orbits, and what became of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..._lib.arrays import Bools, Floats, Ints, evenly
+from ...maps.coordinates import Coordinate, difference
+from ...maps.point_map import PointMap
+from ...orbits.newton import newton, resolution, return_distances
+from ..regions.trapping import extent_of_motion
+from ..regions.tube import SAMPLED
+from .recurrence import CLOSED
+
+LOOKED_AT = 256
+"""Ends among which those to be refined are chosen."""
+
+_REPRESENTATIVES = 8  # end points that are refined at a time because they lie far apart
+_SETTLING = 16  # ends that come back closest, among which as many are chosen
+_RETURNS = 4  # likely periods tried for each of them, besides 1,
+_SLOW = 1e-3  # unless it moves by less than this part of the extent in a period, and ever farther
+_IMAGES = 1500  # of the map, for each state where orbits begin, that a search may take besides following them,
+_AT_LEAST = 200_000  # and for all of few states
+_RETURNED = 0.2  # if they bring it back to within this part of the extent, or where derivatives cost more than periods,
+_CLOSE = 1e-3  # within this one
+_SAME = 1e-4  # part of the extent in which ends that have closed are on one orbit
+_ATTRACTORS = 2**32  # more than there are
+_REFINING = 4  # derivatives, a direction like an image, that take an end to the multipliers of its orbit
+_FOLLOWED = 256, 2**15  # orbits, and coordinates of all of them, along which curves are looked for in one look
+_CYCLES = 16  # closed orbits of more than one period that are refined at a time
+
+
+@dataclass(eq=False)
+class Examined:
+    """What a search has tried: ends that a look comes back to, and points to which many ends lead, again and again.
+
+    ``points``: periodic points that belong to no attractor; ``ends``: what became of guesses, by their bits and period,
+    and of looks for curves, by the states, or their sum, and a negative number;
+    ``distances``: how close the ends of the last look have come back to themselves, by their bits; ``lines``: points of
+    segments of periodic points that do not attract; ``begun``: where orbits began; ``images``: images of the map that
+    Newton's method, regions of attractors and looks for curves may still take in more than four dimensions.
+    """
+
+    coordinates: tuple[Coordinate, ...]
+    extent: Floats
+    points: Floats
+    ends: dict[tuple[bytes, int], Floats | None]
+    distances: dict[bytes, Floats] = field(default_factory=dict)
+    lines: list[Floats] = field(default_factory=list)
+    begun: Floats | None = None
+    images: float = np.inf
+    _motion: Floats | None = None
+
+    @classmethod
+    def nothing_yet(cls, point_map: PointMap, extent: Floats, states: Floats | None = None) -> Examined:
+        """Begin a search in a region of some extent, from some states."""
+        images = np.inf if states is None else float(max(_IMAGES * len(states), _AT_LEAST))
+        return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)), {}, begun=states, images=images)
+
+    def afford(self, images: int) -> bool:
+        """Take some of the images that are left; False where these are too few."""
+        if images > self.images:
+            return False
+        self.images -= images
+        return True
+
+    def motion(self, point_map: PointMap) -> Floats:
+        """Return the extent of the motion, of which trapping regions take a quarter at most."""
+        if self._motion is None:
+            self._motion = self.extent if self.begun is None else extent_of_motion(point_map, self.begun, self.extent)
+        return self._motion
+
+    def __contains__(self, point: Floats) -> bool:
+        apart = np.abs(difference(self.points, point, self.coordinates))
+        return bool((apart <= 1e-8 * resolution(point, self.extent)).all(axis=-1).any())
+
+    def looked_along(self, states: Floats, age: int, known: int, slow: bool) -> Floats:
+        """Return those of the orbits of an age along which curves are to be looked for, and remember them.
+
+        None where the same look was made with as many known attractors; in more than four dimensions some of those
+        that were not followed at this age, so many that many move on together.
+        """
+        look = -(2 * age + int(slow)) * _ATTRACTORS
+        if states.shape[1] <= SAMPLED:
+            keys = [(states.sum(axis=0).tobytes(), look - known)]
+            chosen = states[:0] if keys[0] in self.ends else states
+        else:
+            left = [k for k, state in enumerate(states) if (state.tobytes(), look) not in self.ends]
+            most = min(_FOLLOWED[0], _FOLLOWED[1] // states.shape[1])
+            some = np.unique(np.linspace(0, max(len(left) - 1, 0), most).round().astype(int))[: len(left)]
+            chosen = states[np.array(left, int)[some]]
+            keys = [(state.tobytes(), look) for state in chosen]
+        self.ends |= dict.fromkeys(keys)
+        return chosen
+
+    def refuse(self, points: Floats) -> None:
+        """Remember the points of an orbit that is no attractor."""
+        self.points = np.concatenate([self.points, points])
+
+    def may_refine(self, guesses: Floats, periods: Ints) -> bool:
+        """Tell whether Newton's method can be afforded for guesses (n, d), which it is in few dimensions."""
+        d = guesses.shape[1]
+        new = [(guess.tobytes(), int(q)) not in self.ends for guess, q in zip(guesses, periods, strict=True)]
+        return d <= SAMPLED or self.afford(_REFINING * d * int(periods[new].sum()))
+
+    def refined(self, point_map: PointMap, guesses: Floats, periods: Ints) -> tuple[Floats, Bools]:
+        """Refine guesses by Newton's method, each once in a search; return solutions and which guesses led to one."""
+        keys = [(guess.tobytes(), int(period)) for guess, period in zip(guesses, periods, strict=True)]
+        new = [i for i, key in enumerate(keys) if key not in self.ends]
+        if new:
+            solutions, settled = newton(point_map, guesses[new], periods[new], self.extent, attracting=True)
+            for i, solution, success in zip(new, solutions, settled, strict=True):
+                self.ends[keys[i]] = solution if success else None
+        known = [self.ends[key] for key in keys]
+        failed = np.full(point_map.dimension, np.nan)
+        return (
+            np.array([failed if solution is None else solution for solution in known]),
+            np.array([solution is not None for solution in known]),
+        )
+
+    def return_distances(self, point_map: PointMap, ends: Floats, longest_period: int) -> Floats:
+        """Return what :func:`return_distances` does; ends that were looked at just before are not followed again."""
+        keys = [end.tobytes() for end in ends]
+        new = [i for i, key in enumerate(keys) if len(self.distances.get(key, ())) != longest_period]
+        if new:
+            found = return_distances(point_map, ends[new], longest_period, self.extent)
+            self.distances |= {keys[i]: distances for i, distances in zip(new, found.T, strict=True)}
+        self.distances = {key: self.distances[key] for key in keys}
+        return np.array([self.distances[key] for key in keys]).T
+
+
+def guesses_of(
+    point_map: PointMap, states: Floats, longest_period: int, extent: Floats, examined: Examined
+) -> Iterator[tuple[Floats, Ints]]:
+    """Yield guesses of periodic points with their periods: first period 1, then those of the closest returns.
+
+    Guesses are ends that lie far apart, and ends whose orbits come back closest.  In more than four dimensions, where a
+    derivative costs many periods, the first ones are ends whose orbits have closed by themselves, one of each orbit.
+    """
+    many = point_map.dimension > SAMPLED
+    ends = states[evenly(len(states), LOOKED_AT)]
+    distance = examined.return_distances(point_map, ends, longest_period)
+    if many:
+        yield from _closed(ends, distance, extent)
+    patience = np.argsort(distance.min(axis=0), kind="stable")
+    chosen = _far_apart(ends, np.arange(len(ends)), point_map, extent)
+    chosen += [i for i in _far_apart(ends, patience[:_SETTLING], point_map, extent) if i not in chosen]
+    ends, distance = ends[chosen], distance[:, chosen]
+    yield ends, np.ones(len(ends), np.int64)
+    if longest_period > 1:
+        closest = 2 + np.argsort(distance[1:], axis=0, kind="stable")[:_RETURNS]
+        returned = np.take_along_axis(distance, closest - 1, axis=0)
+        # One that moves slowly, and away, is beside a fixed point, or on its way to one.
+        close = (returned < (_CLOSE if many else _RETURNED)) & ((returned < distance[0]) | (distance[0] > _SLOW))
+        rank, row = np.nonzero(close & ~_multiples(closest))
+        if len(row):
+            yield ends[row], closest[rank, row]
+
+
+def _closed(ends: Floats, distance: Floats, extent: Floats) -> Iterator[tuple[Floats, Ints]]:
+    """Yield ends (n, d) whose orbits have closed, one for each place, with their periods: fixed points first."""
+    closed = distance <= CLOSED
+    periods = np.where(closed.any(axis=0), 1 + np.argmax(closed, axis=0), 0)
+    places = np.round(ends / (_SAME * extent))
+    for fixed in (True, False):
+        rows = np.flatnonzero((periods == 1) if fixed else (periods > 1))
+        rows = np.sort(rows[np.unique(places[rows], axis=0, return_index=True)[1]])[: None if fixed else _CYCLES]
+        if len(rows):
+            yield ends[rows], periods[rows]
+
+
+def _multiples(periods: Ints) -> Bools:
+    """Tell which periods in each column are multiples of one before them: an orbit near a cycle returns after both."""
+    found = np.zeros(periods.shape, bool)
+    for earlier in range(len(periods) - 1):
+        found[earlier + 1 :] |= periods[earlier + 1 :] % periods[earlier] == 0
+    return found
+
+
+def _far_apart(ends: Floats, rows: Ints, point_map: PointMap, extent: Floats) -> list[int]:
+    """Choose rows that lie far apart, each the farthest from those before it, beginning with the first."""
+    chosen = [int(rows[0])]
+    nearest = np.full(len(rows), np.inf)
+    for _ in range(_REPRESENTATIVES - 1):
+        shift = difference(ends[rows], ends[chosen[-1]], point_map.coordinates) / extent
+        nearest = np.minimum(nearest, (shift**2).sum(axis=-1))
+        farthest = int(np.argmax(nearest))
+        if nearest[farthest] <= 1e-12:
+            break
+        chosen.append(int(rows[farthest]))
+    return chosen

@@ -1,0 +1,235 @@
+"""Quasi-periodic attractors: invariant circles of maps, and limit cycles of autonomous systems under time-T maps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import sqrt
+
+import numpy as np
+
+from ..._lib.arrays import Floats
+from ..._lib.stopping import check_stop
+from ...maps.coordinates import difference
+from ...maps.orbit_batch import Orbits
+from ...maps.paths import path_of
+from ...maps.poincare import check_unforced, flow_map
+from ...maps.point_map import PointMap, follow
+from ...maps.stroboscopic import Stroboscopic
+from ...maps.system import ForcedSystem
+from ...maps.tangent import tangent
+from ...orbits.attractor import Attractor, Kind
+from ...orbits.invariant_circle import FittedCircle, InvariantCircle, curve_size, fitted_circle, measured
+from ...orbits.invariant_torus import fitted_torus
+from ...orbits.newton import newton, stable_orbit
+from ..regions.boxes import inside_cover
+from ..regions.lyapunov_regions import Afford, always
+from ..regions.tube import DENSE, FIRST_FACTOR, MOST_STEPS, SAMPLED, Curves, DenseTorus, cover_of_tube, verified_tube
+from .chaos import aperiodic, lyapunov_exponents
+from .creeping import creeping
+from .recurrence import recurrent_attractors
+
+_ORBITS = 4  # tried in one look
+_EXPONENT_PERIODS = 500
+_VOLUME_PERIODS = 128
+_ZERO = 0.01  # largest size of an exponent that may be zero
+_GOLDEN = 0.5 * (sqrt(5.0) - 1.0)  # steps of an autonomous system that resonate with its cycle by chance only
+_CLOSED = 1e-6  # distance, in units of the cycle's size, from which an orbit is closed
+_TURNS = 64  # of a limit cycle in one step, at most
+_AT_ONCE = 256  # periods of one orbit between looks whether the end was asked for
+_SAMPLE = 512  # points of an attractor that are kept
+_SAMPLED_PHASES = 24  # of a torus, in each of its phases
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Quasi-periodic attractors, and cycles that orbits turned out to be on or near: a point and a period of each."""
+
+    attractors: list[Attractor]
+    cycles: list[tuple[Floats, int]]
+
+
+def quasiperiodic_attractors(
+    point_map: PointMap,
+    states: Floats,
+    extent: Floats,
+    age: int,
+    known: Sequence[Attractor] = (),
+    slow: bool = True,
+    afford: Afford = always,
+) -> Found:
+    """Return the invariant circles to which orbits of some age come, verified to attract.
+
+    A few of the orbits are followed, first for as long again as they have lasted.  An orbit is quasi-periodic if a
+    Fourier series of its points satisfies the equation of invariance, its rotation number is none of the rational
+    numbers with denominators up to 512 within ten times its error, its largest Lyapunov exponent is zero within 0.01,
+    and a tube around the curve is seen to contract.  The boxes of this tube are the trapping region.
+
+    Orbits with two zero exponents are tried as tori of two frequencies, in the same way.
+
+    Orbits that drift slowly along a curve are followed for much longer than they have lasted, if `slow`.
+
+    In more than four dimensions they are found by recurrence, and not verified, see :func:`recurrent_attractors`.
+
+    An autonomous system is sampled in steps that are not those of the map, which may close its cycle after a few.
+    """
+    exact = point_map.without_table
+    if exact.dimension > SAMPLED:
+        return Found(*recurrent_attractors(exact, states, extent, age, known, slow, afford))
+    found = Found([], [])
+    left = states
+    for _ in range(_ORBITS):
+        if not len(left):
+            break
+        before = Orbits.starting(left[len(left) // 2][None].copy())
+        for begin in range(0, age, _AT_ONCE):
+            check_stop()
+            exact.advance(before, min(_AT_ONCE, age - begin))
+        left = np.delete(left, len(left) // 2, axis=0)
+        attractors = [*known, *found.attractors]
+        if not before.alive.all() or not len(_outside(before.points, attractors, exact)):
+            continue
+        if creeping(exact, before.points, extent).found[0] or not _may_attract(exact, before):
+            continue
+        attractor = _on_curves(exact, before.points[0], extent, age, found, slow)
+        if attractor is None and exact.dimension > 2 and not len(found.cycles):
+            attractor = _on_torus(exact, before.points[0], extent)
+        if attractor is not None and _is_new(attractor, attractors, exact):
+            assert attractor.cover is not None
+            found.attractors.append(attractor)
+            left = left[~inside_cover(attractor.cover, left, exact)]
+    return found
+
+
+def long_cycle(point_map: PointMap, point: Floats, period: int, extent: Floats) -> Attractor | None:
+    """Return the periodic attractor beside a point after which an orbit all but closes."""
+    solutions, settled = newton(point_map, point[None], np.array([period]), extent, attracting=True)
+    return stable_orbit(point_map, solutions[0], period, extent) if settled[0] else None
+
+
+def _may_attract(exact: PointMap, orbits: Orbits) -> bool:
+    """Tell whether volumes around an orbit shrink fast enough for a tube around a curve to be seen to contract.
+
+    Lengths along an invariant circle are kept in the mean, so that the slowest contraction across it is at most that of
+    volumes, to the power 1/(dimension - 1); what an orbit does in few periods may be twice as fast as in the mean.
+    """
+    if exact.dimension == 1:
+        return True
+    points = path_of(exact, orbits, _VOLUME_PERIODS)[:, 0]
+    if not orbits.alive.all():
+        return False
+    with np.errstate(invalid="ignore"):  # orbits that have ended have no derivative
+        rates = np.linalg.slogdet(tangent(exact, points)[1])[1]
+    return bool(-2.0 * MOST_STEPS * rates.mean() >= -np.log(FIRST_FACTOR) * (exact.dimension - 1))
+
+
+def _on_curves(exact: PointMap, state: Floats, extent: Floats, age: int, found: Found, slow: bool) -> Attractor | None:
+    system = _autonomous(exact)
+    sampled = exact
+    if system is not None:
+        s = exact.specified
+        assert isinstance(s, Stroboscopic)
+        sampled = flow_map(system, _GOLDEN * exact.period, s.rtol, s.atol, s.method, s.max_steps)
+    fitted, period = fitted_circle(sampled, state, extent, age, slow)
+    if fitted is None:
+        if period and system is None:
+            found.cycles.append((state, period))
+        return None
+    circle = fitted.circle if system is None else _cycle(system, exact, sampled, fitted)
+    if circle is None:
+        return None
+    points = circle.points(np.arange(DENSE) / DENSE, exact.coordinates)
+    curves = Curves(exact, points, _size(points, exact, extent))
+    tube = verified_tube(curves, extent, 10.0 * circle.invariance_error)
+    cover = None if tube is None else cover_of_tube(curves, tube)
+    if cover is None:
+        return None
+    exponents = np.sort(lyapunov_exponents(exact, points[0, :1], _EXPONENT_PERIODS)[0][0])[::-1]
+    if abs(exponents[0]) > _ZERO:
+        return None
+    kept = points[:, :: max(1, DENSE * len(points) // _SAMPLE)].reshape(-1, exact.dimension)
+    return aperiodic(Kind.QUASIPERIODIC, kept, exponents, exact, cover, circle=circle)
+
+
+def _on_torus(exact: PointMap, state: Floats, extent: Floats) -> Attractor | None:
+    """Return the torus of two frequencies to which an orbit has come, verified to attract."""
+    exponents = np.sort(lyapunov_exponents(exact, state[None], _EXPONENT_PERIODS)[0][0])[::-1]
+    if not (np.abs(exponents[:2]) <= _ZERO).all() or not exponents[2] < -_ZERO:
+        return None
+    torus = fitted_torus(exact, state)
+    if torus is None:
+        return None
+    phases = np.stack(np.meshgrid(*2 * [np.arange(_SAMPLED_PHASES) / _SAMPLED_PHASES]), axis=-1).reshape(-1, 2)
+    points = torus.points(phases, exact.coordinates)
+    dense = DenseTorus(exact, torus, _size(points[None], exact, extent))
+    tube = verified_tube(dense, np.maximum(extent, dense.size), 10.0 * torus.invariance_error)
+    cover = None if tube is None else cover_of_tube(dense, tube)
+    if cover is None:
+        return None
+    return aperiodic(Kind.QUASIPERIODIC, points, exponents, exact, cover, torus=torus)
+
+
+def _size(points: Floats, exact: PointMap, extent: Floats) -> Floats:
+    """Return lengths along each axis in which a tube around curves is about as wide in all directions."""
+    d = exact.dimension
+    span = np.max([curve_size(curve, exact.coordinates) for curve in points.reshape(len(points), -1, d)], axis=0)
+    return np.asarray(np.maximum(span, 0.01 * extent * (span / extent).max()))
+
+
+def _autonomous(exact: PointMap) -> ForcedSystem | None:
+    """Return the system of a stroboscopic map if its right-hand side does not depend on time."""
+    if not isinstance(exact.spec, Stroboscopic):
+        return None
+    try:
+        check_unforced(exact.spec.system)
+    except ValueError:
+        return None
+    return exact.spec.system
+
+
+def _cycle(system: ForcedSystem, exact: PointMap, sampled: PointMap, fitted: FittedCircle) -> InvariantCircle | None:
+    """Return a limit cycle, fitted in steps of one length, as an invariant circle of the map with steps of another.
+
+    The rotation number gives the period of the cycle up to the number of full rotations in one step, and their sense;
+    the right period is the one after which the flow closes the orbit.
+    """
+    circle, point = fitted.circle, fitted.orbit[-1]
+    size = curve_size(fitted.orbit, exact.coordinates)
+    s = exact.specified
+    assert isinstance(s, Stroboscopic)
+    for whole in range(_TURNS):
+        for turns, forward in ((whole + circle.frequency, True), (whole + 1.0 - circle.frequency, False)):
+            period = sampled.period / turns
+            image = follow(flow_map(system, period, s.rtol, s.atol, s.method, s.max_steps), point, 1)
+            if np.abs(difference(image.points, point, exact.coordinates) / size).max() <= _CLOSED:
+                steps = exact.period / period
+                coefficients = circle.coefficients if forward else circle.coefficients[..., ::-1]
+                longer = exact.period / sampled.period
+                return measured(
+                    exact,
+                    replace(
+                        circle,
+                        frequency=steps % 1.0,
+                        frequency_error=circle.frequency_error * longer,
+                        rotation_numbers=circle.rotation_numbers * longer,
+                        rotation_errors=circle.rotation_errors * longer,
+                        coefficients=coefficients,
+                        cycle_period=period,
+                    ),
+                )
+    return None
+
+
+def _is_new(attractor: Attractor, known: Sequence[Attractor], point_map: PointMap) -> bool:
+    """Tell whether an attractor is none of those known: the boxes of a tube need not cover all of its curve."""
+    verified = [a for a in known if a.verified]
+    every, first = attractor.points, attractor.points[:1]
+    return len(_outside(every, verified, point_map)) == len(every) and len(_outside(first, known, point_map)) == 1
+
+
+def _outside(states: Floats, known: Sequence[Attractor], point_map: PointMap) -> Floats:
+    """Return the states that are in no box of a known attractor."""
+    for other in known:
+        if other.cover is not None and len(states):
+            states = states[~inside_cover(other.cover, states, point_map)]
+    return states

@@ -1,0 +1,1 @@
+"""Shortcuts of the search, which change how long it takes and no label."""
