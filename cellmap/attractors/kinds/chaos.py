@@ -43,6 +43,7 @@ ORBITS = 32
 
 _FLAT = 1e-3  # least width of all boxes together, in units of the extent: rounding must not tell orbits apart
 _LONGEST_RETURN = 128
+_REPEATED = 16  # periods at least for which an orbit repeats itself: where errors double in each, 1e-16 stays small
 _FINEST = 16  # times as many boxes along each axis where covers of two attractors hold the orbits of each other
 _KNOWN = 8192  # points of a known attractor that are compared
 _MARGIN = 0.1  # of a bounding box, at either side
@@ -259,10 +260,21 @@ def tested(
 
 
 def returns(point_map: PointMap, states: Floats, extent: Floats) -> Bools:
-    """Tell which orbits come back to within rounding of where they were."""
+    """Tell which orbits come back to within rounding of where they were, and then take the same way again.
+
+    A chaotic orbit comes back as close now and then, by chance, and soon leaves the way that it took before.
+    """
     path = path_of(point_map, Orbits.starting(states.copy()), _LONGEST_RETURN)
-    apart = np.abs(difference(path, states, point_map.coordinates))
-    return np.asarray((apart <= 1e-7 * resolution(states, extent)).all(axis=-1).any(axis=0))
+    near = 1e-7 * resolution(states, extent)
+    back = np.asarray((np.abs(difference(path, states, point_map.coordinates)) <= near).all(axis=-1))
+    found = np.asarray(back.any(axis=0))
+    rows = np.flatnonzero(found)
+    on = path_of(point_map, Orbits.starting(path[-1, rows]), _LONGEST_RETURN)
+    path = np.concatenate([states[None, rows], path[:, rows], on])
+    for k, period in enumerate(back[:, rows].argmax(axis=0) + 1):
+        apart = difference(path[period:, k], path[:-period, k], point_map.coordinates)
+        found[rows[k]] = (np.abs(apart[: max(period, _REPEATED)]) <= near[rows[k]]).all()
+    return found
 
 
 def _spectrum(point_map: PointMap, points: Floats, extent: Floats, periods: int) -> tuple[Floats, Floats, Floats]:
