@@ -66,7 +66,9 @@ def corrected(problem: Problem, guess: Floats, normal: Floats) -> SolutionPoint 
         except np.linalg.LinAlgError:
             return None
         length = float(np.linalg.norm(change))
-        stays = last <= _FLOOR and not length < _SHRINKING * last and float(np.abs(residual).max()) <= _ROUNDING
+        # Rounding of unknowns leaves larger residuals where a parameter moves orbits far.
+        rounding = np.maximum(_ROUNDING, np.spacing(1.0) * np.abs(derivatives) @ np.abs(unknowns))
+        stays = last <= _FLOOR and not length < _SHRINKING * last and bool((np.abs(residual) <= rounding).all())
         if length <= _CONVERGED or stays:
             # The derivatives are those at the place itself, not at one before it.
             tangent = tangent_of(derivatives, normal)

@@ -1,6 +1,6 @@
 """Ends of branches of limit cycles: Hopf points, homoclinic orbits, saddle-nodes on circles, and edges of sections."""
 
-from math import pi, sin, sqrt
+from math import exp, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from cases import branch_of, thorough
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
-from cellmap import ForcedSystem, angle, periodic_orbit, section_map
+from cellmap import ForcedSystem, angle, discrete_map, periodic_orbit, section_map
 from cellmap.bifurcations import OrbitFunction, switch_branch
 
 
@@ -176,6 +176,17 @@ def test_three_oscillators_with_a_two_to_one_resonance():
     np.testing.assert_allclose(found, [3 * [sqrt(sqrt(3.75) - 1.0)], 3 * [1.0]], rtol=1e-10)
     other = switch_branch(family, max(family.bifurcations, key=lambda b: b.point[0]), -0.1, 0.1, max_points=3)
     assert other.is_family and abs(other.points[-1, 3]) > 0.01
+
+
+def test_a_branch_whose_parameter_is_known_to_few_digits_is_followed():
+    """Fixed points a = 10001 - exp(-20 x), where the rounding of a moves the image by 4e-12 exp(20 x)."""
+    steep = discrete_map(
+        lambda x, p: (x[0] + 0.05 - 0.05 * (10001.0 - p.a) * exp(20.0 * x[0]),), {"a": 10000.0}, ("x",)
+    )
+    branch = branch_of(steep, [0.0], "a", 9999.9, 10001.1, step=0.05, until={"top": OrbitFunction("x", value=1.0)})
+    assert branch.ends == ("left the interval", "top")
+    a = 10001.0 - np.exp(-20.0 * branch.points[1:, 0])  # the edge is within 1e-13 of its value
+    np.testing.assert_allclose(branch.values[1:], a, rtol=1e-15)
 
 
 # Van der Pol's equation through the canard explosion, against the asymptotic canard value.
