@@ -18,8 +18,8 @@ from ..orbits.newton import newton, stable_orbit
 from .given import check_coordinates
 from .kinds.quasiperiodic import quasiperiodic_attractors
 from .matching import attractor_distance
-from .regions.trapping import extent_of_motion
-from .search import neighbourhood_of, region_extent
+from .regions.extents import extent_of_motion, region_extent, ways_of
+from .search import neighbourhood_of
 from .settling.settle import Catalogue
 
 _FOLLOWED = 256  # periods in which an orbit comes to the invariant curve in the place of another
@@ -123,7 +123,7 @@ def with_regions(point_map: PointMap, orbits: Mapping[int, Attractor], extent: F
         return {}
     beside = extent * np.random.default_rng(0).uniform(-0.5, 0.5, (_BESIDE, point_map.dimension))
     around = np.concatenate([orbit.points[0] + beside for orbit in orbits.values()])
-    motion = extent_of_motion(point_map, around, extent)
+    motion = extent_of_motion(extent, ways_of(point_map, around))
 
     def region_of(k: int) -> Neighbourhood | None:
         return neighbourhood_of(point_map, orbits[k], motion, orbits[k].neighbourhood)

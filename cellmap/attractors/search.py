@@ -14,7 +14,7 @@ from .._lib.checks import affordable_number, warn_caller, whole_number
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
 from .._lib.threads import linear_algebra_on_one_thread
-from ..maps.coordinates import check_no_window, state_points, turns_of, wrap
+from ..maps.coordinates import check_no_window, state_points, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..maps.small_states import warn_of_small_states_ahead
@@ -31,6 +31,7 @@ from .kinds.recurrence import closed_attractors
 from .kinds.transients import REMEDIES, Late, Reason, UnsettledWarning, regular
 from .labels import LABEL_NAMES, Label
 from .regions.boxes import inside_cover
+from .regions.extents import region_extent, ways_of
 from .regions.lyapunov_regions import Afford, always
 from .regions.trapping import still_trapping, trapping_neighbourhood
 from .regions.trapping_boxes import is_trapped
@@ -43,7 +44,6 @@ from .translates import warning_of_translates
 
 _LOOKS = 256  # looks at the same orbits, at most
 _FIRST_LOOK = 32  # periods before end points are refined for the first time
-_LARGEST = 1e100  # size of a region, and its inverse the smallest: products of sizes are numbers
 _LONGEST_AT_REST = 128  # periods after which orbits that rest on a cycle have closed
 _WANDERING = 256  # periods from which on most of the orbits on a chaotic set are left out, where they take long
 _MATURE = 64  # periods from which orbits that do not settle are tried as quasi-periodic
@@ -140,8 +140,9 @@ def _found_by_all(
     point_map: PointMap, states: Floats, known: Sequence[Attractor], max_periods: int, longest_period: int
 ) -> tuple[list[Attractor], Sequence[Reason], Ints]:
     """Return the attractors that orbits of some states come to, why others do not, and labels of all."""
-    extent = region_extent(point_map, states)
-    examined = Examined.nothing_yet(point_map, extent, states)
+    ways = ways_of(point_map, states)
+    extent = region_extent(point_map, states, ways)
+    examined = Examined.nothing_yet(point_map, extent, len(states), ways)
     found = search(point_map, states, with_full_residence(known), max_periods, longest_period, extent, examined)
     attractors, reasons = found.attractors, tuple[Reason, ...]()
     if len(found.orbits):
@@ -312,16 +313,6 @@ def affordable_period(longest_period: int) -> int:
     return affordable_number("longest_period", longest_period, 2 * 8 * LOOKED_AT, at_least=1)
 
 
-def region_extent(point_map: PointMap, states: Floats) -> Floats:
-    """Return the typical size of each coordinate: period of an angle, window of a table, else span of the states."""
-    turn = turns_of(point_map.coordinates)[1]
-    table = point_map.table
-    span = np.ptp(states, axis=0) if table is None else np.array(table.grid.upper) - np.array(table.grid.lower)
-    magnitude = np.abs(states).max(axis=0)
-    span = np.where(span > 0, span, np.where(magnitude > 0, magnitude, 1.0))
-    return np.where(turn > 0, turn, np.clip(span, 1.0 / _LARGEST, _LARGEST))
-
-
 def new_attractors(
     point_map: PointMap,
     states: Floats,
@@ -378,7 +369,7 @@ def _belong(
 
 def _verified(point_map: PointMap, orbit: Attractor, examined: Examined) -> list[Attractor]:
     """Return a periodic orbit with its trapping region, nothing where it has none; then it is remembered."""
-    neighbourhood = neighbourhood_of(point_map, orbit, examined.motion(point_map), afford=examined.afford)
+    neighbourhood = neighbourhood_of(point_map, orbit, examined.reach, afford=examined.afford)
     if neighbourhood is None:
         examined.refuse(orbit.points)
         return []

@@ -18,7 +18,8 @@ from .._lib.threads import progress_bar
 from ..attractors.continued import continue_attractors
 from ..attractors.labels import LABEL_NAMES
 from ..attractors.matching import persistent_labels, thinned
-from ..attractors.search import affordable_period, find_attractors, region_extent
+from ..attractors.regions.extents import region_extent
+from ..attractors.search import affordable_period, find_attractors
 from ..attractors.settling.residence import is_same
 from ..maps.coordinates import wrap
 from ..maps.grid import CellGrid

@@ -14,7 +14,8 @@ from ..attractors.kinds.creeping import creeping
 from ..attractors.kinds.transients import REMEDIES, Reason
 from ..attractors.kinds.transients import UnsettledWarning as UnsettledWarning
 from ..attractors.labels import LABEL_NAMES, Label
-from ..attractors.search import find_attractors, region_extent
+from ..attractors.regions.extents import region_extent
+from ..attractors.search import find_attractors
 from ..attractors.settling.settle import Catalogue, settle
 from ..attractors.translates import warning_of_translates
 from ..maps.coordinates import difference

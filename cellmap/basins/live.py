@@ -15,7 +15,8 @@ from .._lib.records import Keyed
 from .._lib.signatures import checked
 from .._lib.stopping import Stop, Stopped
 from ..attractors.labels import LABEL_NAMES, Label
-from ..attractors.search import affordable_period, region_extent
+from ..attractors.regions.extents import region_extent
+from ..attractors.search import affordable_period
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor

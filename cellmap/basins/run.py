@@ -24,7 +24,8 @@ from ..attractors.kinds.continua import joined_continua
 from ..attractors.kinds.examined import Examined
 from ..attractors.kinds.transients import Late, Reason, regular
 from ..attractors.labels import LABEL_NAMES, Label, label_type
-from ..attractors.search import region_extent, search, sort_out
+from ..attractors.regions.extents import region_extent, ways_of
+from ..attractors.search import search, sort_out
 from ..attractors.settling.quotients import Quotient, quotient_of
 from ..attractors.settling.residence import OBSERVED, unobserved, with_full_residence, with_residence
 from ..attractors.settling.settle import Settled
@@ -160,7 +161,8 @@ class Run:
         corners = chosen if grid is None or self.quotient is not None else np.array([grid.lower, grid.upper])
         searched = self._in_quotient(known)[0]
         corners, chosen = self._places(corners), self._places(chosen)
-        examined = Examined.nothing_yet(searched, region_extent(searched, corners), chosen)
+        ways = ways_of(searched, chosen)
+        examined = Examined.nothing_yet(searched, region_extent(searched, corners, ways), len(chosen), ways)
         now = self.store.resume(examined)
         if now is None:
             small = self.client is None and isinstance(self.store, InMemory)
@@ -235,9 +237,9 @@ class Run:
     ) -> tuple[Attractor, ...]:
         """Find attractors from a sample; where that is complete, slow orbits are left to labelling."""
         point_map, given = self._in_quotient(known)
-        own = region_extent(point_map, chosen)
+        own = region_extent(point_map, chosen, examined.ways)
         if not np.array_equal(own, examined.extent):
-            examined = Examined.nothing_yet(point_map, own, chosen)
+            examined = Examined.nothing_yet(point_map, own, len(chosen), examined.ways)
         periods = self.max_periods if to_the_end else min(_PATIENCE, self.max_periods)
         with heeding(self.stop):
             found = search(

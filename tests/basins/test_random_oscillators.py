@@ -20,7 +20,7 @@ from cellmap import (
 )
 from cellmap.attractors.labels import LABEL_NAMES
 from cellmap.attractors.regions.boxes import inside_cover
-from cellmap.attractors.search import region_extent
+from cellmap.attractors.regions.extents import region_extent
 from cellmap.attractors.settling.settle import Catalogue, settle
 from cellmap.maps.coordinates import difference, wrap
 from cellmap.maps.orbit_batch import Orbits

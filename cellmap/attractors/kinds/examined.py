@@ -11,7 +11,7 @@ from ..._lib.arrays import Bools, Floats, Ints, evenly
 from ...maps.coordinates import Coordinate, difference
 from ...maps.point_map import PointMap
 from ...orbits.newton import newton, resolution, return_distances
-from ..regions.trapping import extent_of_motion
+from ..regions.extents import extent_of_motion
 from ..regions.tube import SAMPLED
 from .recurrence import CLOSED
 
@@ -40,7 +40,7 @@ class Examined:
     ``points``: periodic points that belong to no attractor; ``ends``: what became of guesses, by their bits and period,
     and of looks for curves, by the states, or their sum, and a negative number;
     ``distances``: how close the ends of the last look have come back to themselves, by their bits; ``lines``: points of
-    segments of periodic points that do not attract; ``begun``: where orbits began; ``images``: images of the map that
+    segments of periodic points that do not attract; ``ways``: how far orbits go; ``images``: images of the map that
     Newton's method, regions of attractors and looks for curves may still take in more than four dimensions.
     """
 
@@ -50,15 +50,16 @@ class Examined:
     ends: dict[tuple[bytes, int], Floats | None]
     distances: dict[bytes, Floats] = field(default_factory=dict)
     lines: list[Floats] = field(default_factory=list)
-    begun: Floats | None = None
+    ways: Floats | None = None
     images: float = np.inf
-    _motion: Floats | None = None
 
     @classmethod
-    def nothing_yet(cls, point_map: PointMap, extent: Floats, states: Floats | None = None) -> Examined:
-        """Begin a search in a region of some extent, from some states."""
-        images = np.inf if states is None else float(max(_IMAGES * len(states), _AT_LEAST))
-        return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)), {}, begun=states, images=images)
+    def nothing_yet(
+        cls, point_map: PointMap, extent: Floats, states: int | None = None, ways: Floats | None = None
+    ) -> Examined:
+        """Begin a search in a region of some extent, from so many states, whose orbits go some ways."""
+        images = np.inf if states is None else float(max(_IMAGES * states, _AT_LEAST))
+        return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)), {}, ways=ways, images=images)
 
     def afford(self, images: int) -> bool:
         """Take some of the images that are left; False where these are too few."""
@@ -67,11 +68,10 @@ class Examined:
         self.images -= images
         return True
 
-    def motion(self, point_map: PointMap) -> Floats:
-        """Return the extent of the motion, of which trapping regions take a quarter at most."""
-        if self._motion is None:
-            self._motion = self.extent if self.begun is None else extent_of_motion(point_map, self.begun, self.extent)
-        return self._motion
+    @property
+    def reach(self) -> Floats:
+        """The extent of the motion, of which trapping regions take a quarter at most."""
+        return self.extent if self.ways is None else extent_of_motion(self.extent, self.ways)
 
     def __contains__(self, point: Floats) -> bool:
         apart = np.abs(difference(self.points, point, self.coordinates))

@@ -8,9 +8,7 @@ import numpy as np
 
 from ..._lib.arrays import Bools, Complexes, Floats
 from ..._lib.threads import slices
-from ...maps.coordinates import turns_of, wrap
-from ...maps.orbit_batch import Orbits
-from ...maps.paths import path_of
+from ...maps.coordinates import turns_of
 from ...maps.point_map import PointMap
 from ...maps.tangent import tangent
 from ...orbits.attractor import Attractor, Neighbourhood
@@ -36,28 +34,6 @@ _WIDE_MARGIN = 0.25  # contraction margin from which it may be rounding that hid
 _FLIPPING = -0.9  # multiplier below which two periods of the attractor are taken together
 _NARROWEST = 1e-6  # smallest region in which ellipsoids are sought, relative to abs(point)
 _FARTHEST = 1e4  # largest half-width of an ellipsoid, relative to 1 + abs(point)
-_FOLLOWED = 64  # orbits from which it is seen how far orbits go,
-_FOR = 32  # periods
-_MOST = 0.9  # of them, in the order of how far they go
-
-
-def extent_of_motion(point_map: PointMap, states: Floats, extent: Floats) -> Floats:
-    """Return the extent of the region of some states, four times as much larger as orbits go farther than that.
-
-    Of the coordinates that a slice fixes, and of a window that is tiny against the motion, the extent of the states
-    says nothing about that of basins: there the largest half-width of a trapping region, a quarter of what is returned,
-    is about the way that orbits go.  Orbits that end do not count.
-    """
-    if point_map.table is not None:
-        return extent  # orbits that leave its window are lost
-    rows = np.unique(np.linspace(0, len(states) - 1, _FOLLOWED).round().astype(int))
-    orbits = Orbits.starting(wrap(states[rows], point_map.coordinates))
-    places = np.stack([orbits.points.copy(), *path_of(point_map, orbits, _FOR)])
-    if not orbits.alive.any():
-        return extent
-    ways = np.quantile(np.ptp(places[:, orbits.alive], axis=0), _MOST, axis=0)
-    still = (ways <= extent) | (turns_of(point_map.coordinates)[1] > 0)
-    return np.where(still, extent, 4.0 * ways - 3.0 * extent)
 
 
 def trapping_neighbourhood(
