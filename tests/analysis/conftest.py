@@ -1,7 +1,5 @@
 """What the rooms of analysis share: figures without a screen, and the basins of the driven pendulum."""
 
-from __future__ import annotations
-
 from math import pi
 
 import matplotlib as mpl

@@ -1,7 +1,5 @@
 """What analyses refuse, by the words of the message; and that they give the same bits again, by any threads."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from math import inf

@@ -4,8 +4,6 @@ The oracle works on the plain functions of a system and shares nothing with the 
 time with SciPy's DOP853, and at an event tries every mode and takes the one that is consistent.
 """
 
-from __future__ import annotations
-
 import cmath
 import functools
 import itertools

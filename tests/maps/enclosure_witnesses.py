@@ -3,8 +3,6 @@
 Extrapolated midpoint rule (Gragg 1965; Bulirsch and Stoer 1966): plain arithmetic on arrays of long doubles.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

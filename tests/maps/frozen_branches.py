@@ -223,7 +223,7 @@ def _image(program, period, x, step):
     levels, d = program[3], program[4]
     n = len(levels)
     sides, f, end = np.zeros(n), np.zeros(d), np.zeros(d)
-    room = (np.zeros((64, 2)), np.zeros(d), np.zeros(d), np.zeros((12, d)))
+    room = (np.zeros((256, 2)), np.zeros(d), np.zeros(d), np.zeros((12, d)))
     before, margin = np.zeros((2, n + 1)), np.zeros((2, n + 1))
     for k in range(n):
         g = _value(program, d + k, 0.0, x, x, sides, room[0])[0]

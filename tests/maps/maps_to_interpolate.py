@@ -1,7 +1,5 @@
 """Smooth maps with windows, and interpolation of them."""
 
-from __future__ import annotations
-
 from math import cos, exp, fabs, floor, pi, sin, sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Right-hand sides with branches: kinks, jumps, sliding motions, roots and poles, in closed form or by SciPy."""
 
-from __future__ import annotations
-
 import math
 from math import asin, ceil, cos, exp, expm1, floor, hypot, log, log1p, pi, sin, sqrt, tanh
 

@@ -1,7 +1,5 @@
 """Loops over impacts, friction and coupled branches stay inside of their arrays, as seen where indices are checked."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

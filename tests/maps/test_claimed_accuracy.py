@@ -3,8 +3,6 @@
 Coordinates move steadily through the layers, so that what they leave behind is a known integral.
 """
 
-from __future__ import annotations
-
 import json
 import pickle
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Coordinates, and wrapped angles."""
 
-from __future__ import annotations
-
 import math
 from math import nextafter, pi, ulp
 

@@ -1,7 +1,5 @@
 """Second and third derivatives of maps against closed forms, in natural sizes, by formulas and by differences."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import comb, cos, exp, pi, sin
 

@@ -1,7 +1,5 @@
 """What maps do at edges: far angles, ended orbits, surfaces that are not there, cells beside those without images."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from math import cos, log, pi, sin
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Enclosures of flows over boxes: points of boxes in extended precision, failures, steps, intervals of parameters."""
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Enclosures of maps over boxes: points of boxes by mpmath, failures as statuses, intervals of parameters."""
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Cells of an interpolation grid in which the exact map is used, and the errors by which they are found."""
 
-from __future__ import annotations
-
 from math import floor, pi, sin, sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Functions of users that raise exceptions, have a memory, or take longer the larger the state is."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import random

@@ -1,7 +1,5 @@
 """Grazing of impact surfaces, against closed forms of the linear oscillator."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin, sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cells: every place in exactly one of them."""
 
-from __future__ import annotations
-
 import math
 from math import inf, nan, nextafter, pi
 

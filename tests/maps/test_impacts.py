@@ -1,7 +1,5 @@
 """Impacts: against closed forms, against SciPy with events, and what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import cos, pi, sin, sqrt
 

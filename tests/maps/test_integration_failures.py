@@ -1,7 +1,5 @@
 """Failures of the integration are reported: singularities, missed tolerances, stiffness."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Mapping
 from math import cos, pi, sin, sqrt

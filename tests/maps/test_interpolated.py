@@ -1,7 +1,5 @@
 """Interpolated cell maps: order of convergence, angles, windows, measured errors, memory."""
 
-from __future__ import annotations
-
 import json
 import tracemalloc
 from math import pi, sin, sqrt

@@ -1,7 +1,5 @@
 """Derivatives of point maps, from the variational equation."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from math import cos, exp, pi, sin
 from typing import Any

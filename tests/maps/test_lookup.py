@@ -1,7 +1,5 @@
 """Evaluation of interpolated maps against SciPy's B-splines."""
 
-from __future__ import annotations
-
 import re
 from itertools import product
 from math import ceil, pi

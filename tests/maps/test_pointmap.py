@@ -1,7 +1,5 @@
 """What all point maps share: images, orbits, status."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from math import cos, nan, pi, sin

@@ -1,7 +1,5 @@
 """Preimages of points and curves: inverse maps in closed form, branches of maps that have several, gaps."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is refused, and the words that say what to give instead; all other arguments: tests/_lib/bad_input."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from math import atan2, cos, erf, gamma, inf, nan, pi, sin, sqrt

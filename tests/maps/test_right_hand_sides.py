@@ -1,7 +1,5 @@
 """Right-hand sides of every kind: branches, helpers, loops, functions without vector form."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from math import atan2, cos, erf, pi, sin

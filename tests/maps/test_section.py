@@ -1,7 +1,5 @@
 """Maps of unforced systems, against closed forms and SciPy's events."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 from math import exp, pi, sin, sqrt

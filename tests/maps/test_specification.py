@@ -1,7 +1,5 @@
 """Maps built from specifications: the kinds of the library, and one of a user's own."""
 
-from __future__ import annotations
-
 import json
 import logging
 import pickle

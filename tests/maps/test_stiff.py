@@ -1,7 +1,5 @@
 """Stiff systems: the method that "auto" chooses meets the tolerance, without any argument being touched."""
 
-from __future__ import annotations
-
 from math import cos, exp, pi
 from typing import Any
 

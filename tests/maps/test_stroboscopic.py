@@ -1,7 +1,5 @@
 """Stroboscopic maps: the tolerance is met, and the bits depend on nothing else."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Mapping
 from math import cos, pi

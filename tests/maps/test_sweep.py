@@ -1,7 +1,5 @@
 """Maps with parameters as further state variables, against maps made for each value."""
 
-from __future__ import annotations
-
 from math import cos, pi
 from typing import Any
 

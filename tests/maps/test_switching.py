@@ -1,7 +1,5 @@
 """Discontinuous right-hand sides: sliding and sticking, crossings, events in time; against SciPy."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from math import exp, pi, sqrt

@@ -1,7 +1,5 @@
 """Discontinuous right-hand sides against exact solutions, and from initial conditions on a surface."""
 
-from __future__ import annotations
-
 from math import acos, asin, cos, inf, pi, sin, sqrt, tan
 from typing import Any
 

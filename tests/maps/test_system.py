@@ -1,7 +1,5 @@
 """Forced systems: what they accept, and what they say where they do not."""
 
-from __future__ import annotations
-
 import pickle
 import warnings
 from functools import partial

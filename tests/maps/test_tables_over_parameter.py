@@ -1,7 +1,5 @@
 """Tables over a parameter: against exact images, with bounds that hold, and refused where polynomials do not serve."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin
 
 import numpy as np

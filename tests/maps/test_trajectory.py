@@ -1,7 +1,5 @@
 """Trajectories: SciPy's solutions as witness, the stroboscopic map at whole periods, failures as data."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import cos, pi, sin
 

@@ -1,7 +1,5 @@
 """Periods that are slightly wrong are refused, right ones are not: also where a forcing rests between its jumps."""
 
-from __future__ import annotations
-
 from math import copysign, cos, exp, floor, fmod, pi, sin, tanh
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Parameters of a test of which the first tier takes some only."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Chaotic saddles and the rate at which orbits leave them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import cos, log, pi
 from typing import Any

@@ -1,7 +1,5 @@
 """Stable and unstable manifolds, and boundaries that follow them."""
 
-from __future__ import annotations
-
 from math import pi, sqrt
 from typing import Any
 

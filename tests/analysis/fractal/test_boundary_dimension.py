@@ -1,7 +1,5 @@
 """Box counting of boundaries: exact images in any dimension, published boundaries, what must not be concluded."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Box counting of points: exact dimensions however the set lies, published counts, saturation at both ends."""
 
-from __future__ import annotations
-
 from math import log, pi
 
 import numpy as np

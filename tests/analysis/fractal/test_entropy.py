@@ -1,7 +1,5 @@
 """Basin entropy and the test for fractal boundaries: exact values, published ones, and what is not said."""
 
-from __future__ import annotations
-
 from math import log, pi
 
 import numpy as np

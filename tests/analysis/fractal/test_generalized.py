@@ -1,7 +1,5 @@
 """Dimensions of measures: exact cascades, published values of Henon's attractor, exponents."""
 
-from __future__ import annotations
-
 from math import inf, log, pi
 
 import numpy as np

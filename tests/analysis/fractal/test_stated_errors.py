@@ -5,8 +5,6 @@ Exact dimensions: of carpets with s occupied rows and N parts, contracted by n a
 of the graph of Takagi's function with the weights 2**(-k/2) 3/2 (Ledrappier, Contemporary Mathematics 135 (1992) 285).
 """
 
-from __future__ import annotations
-
 import tracemalloc
 from collections.abc import Callable
 from itertools import product

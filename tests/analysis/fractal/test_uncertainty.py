@@ -1,7 +1,5 @@
 """Uncertainty exponents: exact ones, published ones, and what is not said of a smooth boundary."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import log, pi
 

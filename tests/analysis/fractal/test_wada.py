@@ -1,7 +1,5 @@
 """Wada basins: constructed images, published parameters of the forced pendulum, and what is not concluded."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Maps and basins with known answers."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

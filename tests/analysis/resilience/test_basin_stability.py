@@ -1,7 +1,5 @@
 """Basin stability and settling times, and the intervals of both."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import log2, pi, sqrt
 from typing import Any

@@ -1,7 +1,5 @@
 """Random states around attractors, single-node basin stability and survivability."""
 
-from __future__ import annotations
-
 from math import pi, sqrt
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Minimal fatal shocks: closed forms, symmetries, and the stable manifold of a saddle."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import atan2, cos, pi, sin, sqrt
 

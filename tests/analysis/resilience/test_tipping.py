@@ -1,7 +1,5 @@
 """Tipping probabilities between basins before and after a change."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import atan2, cos, pi, sin, sqrt, tan
 from typing import Any
