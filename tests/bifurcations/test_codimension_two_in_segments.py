@@ -41,6 +41,8 @@ def test_a_generalised_flip_beside_a_multiplier_of_1e8():
     """F(y) = (1 + p) y + q y^3 + y^5: -F(F(y)) has the multiplier -(1 + p)^2 and is -y - 2 y^5 for p = q = 0."""
     exact = alternating(lambda y, p: (1.0 + p.p) * y + p.q * y**3 + y**5)
     curve = curve_in_segments(exact, [0.0, 0.0, 1.0], 2, DOUBLING)
+    np.testing.assert_allclose(curve.values[:, 0], 0.0, atol=1e-11)
+    np.testing.assert_allclose(curve.multipliers[:, 0], 1e8, rtol=1e-6)
     (point,) = curve.codimension_two()
     assert point.kind is POINT.GENERALISED_FLIP
     np.testing.assert_allclose(point.values, 0.0, atol=1e-11)

@@ -4,12 +4,12 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
-from branch_kinds import DOUBLING, FOLD, LEFT, NEIMARK_SACKER, PITCHFORK, TRANSCRITICAL, kinds, values
+from branch_kinds import DOUBLING, FOLD, LEFT, PITCHFORK, TRANSCRITICAL, kinds, values
 from cases import branch_at_rest, branch_of, thorough
 
-from cellmap import discrete_map, find_attractors, periodic_orbit, set_threads, stroboscopic_map
+from cellmap import discrete_map, find_attractors, periodic_orbit, set_threads
 from cellmap.bifurcations import continue_bifurcation, critical_values, period_doubling_cascade, switch_branch
-from systems import double_pendulum, driven_pendulum, henon_map, logistic_map
+from systems import driven_pendulum, henon_map, logistic_map
 
 # Discrete maps.
 
@@ -161,12 +161,3 @@ def test_threads_change_no_bit(pendulum):
         branches.append(branch_of(pendulum, [2.52, 320.4], "amplitude", 0.001, 0.004, step=0.05))
     assert branches[0].values.tobytes() == branches[1].values.tobytes()
     assert branches[0].points.tobytes() == branches[1].points.tobytes()
-
-
-@pytest.mark.thorough
-def test_neimark_sacker_of_the_double_pendulum():
-    exact = stroboscopic_map(double_pendulum(), rtol=1e-12, atol=1e-12)
-    branch = branch_of(exact, [0.0, pi, 0.0, 0.0], "amplitude", 0.005, 0.0128)
-    (found,) = branch.of_kind(NEIMARK_SACKER)
-    assert 1e3 * found.value == pytest.approx(12.532158062, abs=1e-9)
-    assert (found.before, found.after) == (0, 2)

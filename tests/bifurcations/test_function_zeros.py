@@ -6,13 +6,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from cases import branch_of
-from scipy.integrate import solve_ivp
-from scipy.optimize import fsolve
 
 from cellmap import ForcedSystem, angle, discrete_map, plot, stroboscopic_map
 from cellmap.bifurcations import OrbitFunction, continue_bifurcation, switch_branch
 from cellmap.exchange import save_auto, to_dataframe
-from systems import duffing_oscillator
 
 PEAK = OrbitFunction("x", "amplitude", extremum=True)
 R = 1.0 + np.sqrt(5.0)
@@ -60,29 +57,6 @@ def test_curves_of_peaks_and_of_equal_amplitude(linear):
     ax = plot.bifurcation_curves([levels, peaks])
     assert [t.get_text() for t in ax.texts] == ["w=1"]
     plt.close("all")
-
-
-@pytest.mark.thorough
-def test_the_peak_of_a_hardening_spring_is_where_shooting_with_scipy_has_it():
-    system = duffing_oscillator(damping=0.1, forcing=0.1, frequency=0.8)
-    spring = stroboscopic_map(system)
-    branch = branch_of(spring, [0.3, 0.0], "frequency", 0.8, 1.6, step=0.03)
-    (peak,) = branch.with_zeros({"peak": PEAK}).zeros
-
-    def amplitude(w, guess):
-        fun = system.with_params(frequency=w).fun
-
-        def flow(y, **more):
-            return solve_ivp(fun, (0.0, 2.0 * pi / w), y, "DOP853", rtol=1e-12, atol=1e-12, **more)
-
-        start = fsolve(lambda y: flow(y).y[:, -1] - y, guess, xtol=1e-13)
-        turns = flow(start, events=lambda t, y: y[1]).y_events[0][:, 0]
-        return 0.5 * (turns.max() - turns.min()), start
-
-    (before, _), (here, _), (after, _) = (amplitude(peak.value + h, peak.point) for h in (-2e-4, 0.0, 2e-4))
-    vertex = peak.value + 2e-4 * (before - after) / (2.0 * (before - 2.0 * here + after))
-    assert here > max(before, after)
-    assert vertex == pytest.approx(peak.value, abs=1e-5)
 
 
 def test_maps_in_closed_form(henon):

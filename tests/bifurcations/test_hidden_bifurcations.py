@@ -18,7 +18,7 @@ from branch_kinds import (
 )
 from cases import branch_at_rest, branch_of, quick_and_thorough, thorough
 
-from cellmap import ForcedSystem, discrete_map, stroboscopic_map
+from cellmap import discrete_map
 from cellmap.bifurcations import continue_bifurcation, switch_branch
 from systems import standard_map
 
@@ -140,24 +140,6 @@ def test_a_pitchfork_and_its_branches_in_any_unit(unit):
         assert kinds(arm) == [DOUBLING]
         assert values(arm) == pytest.approx([2.0], rel=1e-12)
         assert len(np.unique(np.sign(arm.points))) == 1
-
-
-@pytest.mark.thorough
-def test_a_fold_of_a_system_that_is_driven_by_another():
-    """x drives y, and y does not act back: their sizes have nothing to do with each other.
-
-    x = cos t has the multiplier exp(2 pi rate); y = sqrt(q) ends in a fold at 0, with exp(-4 pi sqrt(q)).
-    """
-
-    def rhs(t, x, p):
-        return p.rate * (x[0] - cos(t)) - sin(t), p.q - x[1] ** 2 + 0.1 * (x[0] - cos(t))
-
-    exact = stroboscopic_map(ForcedSystem(rhs, {"rate": 3.0, "q": 1.0}, 2.0 * pi, ("x", "y")), rtol=1e-11, atol=1e-11)
-    branch = branch_of(exact, [1.0, 1.0], "q", -1.0, 2.0, step=0.1)
-    assert kinds(branch) == [FOLD]
-    assert values(branch) == pytest.approx([0.0], abs=1e-9)
-    assert branch.values.min() > -1e-9
-    np.testing.assert_allclose(branch.points[:, 1] ** 2, branch.values, atol=1e-8)
 
 
 @pytest.mark.parametrize(("gap", "bend", "step"), [(0.2, 1.0, 0.5), thorough(0.02, 1.0, 0.5)])

@@ -4,10 +4,10 @@ from math import cos, exp, pi, sin
 
 import numpy as np
 import pytest
-from branch_kinds import BOTH_LEFT, DOUBLING, LEFT, NEIMARK_SACKER, PITCHFORK
+from branch_kinds import BOTH_LEFT, DOUBLING, FOLD, LEFT, PITCHFORK
 from cases import branch_of
 
-from cellmap import ForcedSystem, discrete_map, periodic_orbit, stroboscopic_map
+from cellmap import ForcedSystem, periodic_orbit, stroboscopic_map
 from cellmap.bifurcations import continue_bifurcation, orbit_continuation, switch_branch
 from cellmap.orbits.multipliers import multipliers_of_product
 from cellmap.orbits.shooting import ShootingProblem
@@ -110,6 +110,8 @@ def test_a_curve_of_folds_with_multipliers_up_to_1e21():
     exact = stroboscopic_map(ForcedSystem(rhs, params, 2 * pi, ("x", "y")), rtol=1e-11, atol=1e-11)
     branch = branch_of(exact, [1.0, 1.0], "q", -1.0, 2.0, step=0.1)
     (fold,) = branch.bifurcations
+    assert fold.kind is FOLD and fold.value == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_allclose(branch.points[:, 1] ** 2, branch.values, atol=1e-8)
     bent = continue_bifurcation(branch, fold, "b", (-1.0, 2.0), (-1.0, 1.0), step=0.1)
     assert bent.ends == BOTH_LEFT
     np.testing.assert_allclose(bent.values[:, 0], -(bent.values[:, 1] ** 2) / 4.0, atol=1e-12)
@@ -120,45 +122,6 @@ def test_a_curve_of_folds_with_multipliers_up_to_1e21():
     np.testing.assert_allclose(straight.multipliers[:, 1], 1.0, atol=1e-6)
     assert straight.multipliers[:, 0].real.max() > 1e21
     assert straight.codimension_two() == ()
-
-
-def test_a_curve_of_period_doublings_beside_a_multiplier_of_1e10():
-    """The quadratic map a + b y - y^2 doubles its orbit of period 2 where a + b^2 / 4 - b / 2 = 5/4."""
-    exact = discrete_map(
-        lambda x, p: (1e5 * x[0] + x[1], p.a + p.b * x[1] - x[1] ** 2), {"a": 1.1, "b": 0.0}, ("x", "y")
-    )
-    y = 0.5 * (1.0 + np.sqrt(4.0 * 1.1 - 3.0))  # of the orbit of period 2
-    branch = branch_of(exact, [-1e-5 * y, y], "a", 1.0, 1.4, 2, step=0.1)
-    (doubling,) = branch.of_kind(DOUBLING)
-    assert doubling.value == pytest.approx(1.25, abs=1e-12)
-    curve = continue_bifurcation(branch, doubling, "b", (0.5, 3.0), (-1.0, 1.0), step=0.1)
-    a, b = curve.values.T
-    np.testing.assert_allclose(a + b * b / 4.0 - b / 2.0, 1.25, atol=1e-12)
-    np.testing.assert_allclose(curve.multipliers.real, [[1e10, -1.0]] * len(a), rtol=1e-6)
-    assert b.max() - b.min() == pytest.approx(2.0)
-
-
-@pytest.mark.thorough
-def test_a_curve_of_neimark_sacker_bifurcations_beside_a_multiplier_of_1e10():
-    """(u, v) -> -(v, a v - b u - u^3) has orbits of period 2 at u^2 = a - 1 - b, with a determinant 3 a - 3 - 2 b."""
-    exact = discrete_map(
-        lambda x, p: (1e5 * x[0] + x[1], -x[2], -(p.a * x[2] - p.b * x[1] - x[1] ** 3)),
-        {"a": 1.0, "b": -0.4},
-        ("x", "u", "v"),
-    )
-    u = np.sqrt(0.4)
-    branch = branch_of(exact, [-u / (1.0 + 1e5), u, u], "b", -0.7, -0.2, 2, step=0.1)
-    assert in_segments(branch)
-    (torus,) = branch.of_kind(NEIMARK_SACKER)
-    assert torus.value == pytest.approx(-0.5, abs=1e-12)
-    curve = continue_bifurcation(branch, torus, "a", (-2.0, 1.0), (0.5, 1.8), step=0.05)
-    assert curve.ends == BOTH_LEFT
-    b, a = curve.values.T
-    np.testing.assert_allclose(3.0 * a - 3.0 - 2.0 * b, 1.0, atol=1e-12)
-    angles = 2.0 * np.arccos(0.5 * a)
-    np.testing.assert_allclose(curve.multipliers[:, 1].real, np.cos(angles), atol=1e-8)
-    np.testing.assert_allclose(np.abs(curve.multipliers), [[1e10, 1.0, 1.0]] * len(a), rtol=1e-6)
-    assert a.max() - a.min() == pytest.approx(1.3)
 
 
 @pytest.mark.thorough

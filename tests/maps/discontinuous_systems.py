@@ -9,7 +9,7 @@ import functools
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import cos, inf, pi, sin
+from math import cos, inf, pi
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,6 @@ from systems import (
     Gravity,
     Pendulum,
     QuadraticDrag,
-    SquareDrive,
     VerticalDrive,
     ViscousDamping,
     dimensionless_pendulum,
@@ -185,10 +184,6 @@ def curved(t: float, x: Any, p: Any) -> tuple[float]:
     return (x[0] + 0.3 * x[1] + 0.1 * x[0] ** 2,)
 
 
-def moving(t: float, x: Any, p: Any) -> tuple[float]:
-    return (x[0] + 0.4 * x[1] - 0.5 * sin(t) - 0.1 * cos(2.0 * t),)
-
-
 def relay(t: float, x: Any, p: Any, s: Any) -> tuple[float, float]:
     return x[1], -p.thrust * s[0] - 0.3 * x[0] - 0.05 * x[1] + 0.7 * cos(t)
 
@@ -226,14 +221,8 @@ CASES: dict[str, tuple[Callable[[], ForcedSystem], tuple[float, ...]]] = {
     "two masses, often stuck": (lambda: masses_at(0.7, 0.2), (1.0, 1.0, 1.0, 1.0)),
 }
 SLOW_CASES: dict[str, tuple[Callable[[], ForcedSystem], tuple[float, ...]]] = {
-    "moving surface, crossed": (lambda: relay_at(0.3, moving), (2.0, 2.0)),
-    "moving surface": (lambda: relay_at(1.5, moving), (2.0, 2.0)),
     "all frictions": (
         lambda: scene(Pendulum(1.0), Gravity(9.8), DryFriction(2.0), ViscousDamping(0.2), QuadraticDrag(0.3), DRIVE),
-        (pi, 8.0),
-    ),
-    "square wave": (
-        lambda: scene(Pendulum(1.0), Gravity(9.8), DryFriction(2.0), SquareDrive(10.0, 1.0, phase=0.3)),
         (pi, 8.0),
     ),
     "double pendulum, often stuck": (lambda: double_pendulum(friction=3000.0, damping=5.0), (pi, pi, 30.0, 30.0)),

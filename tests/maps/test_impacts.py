@@ -217,11 +217,6 @@ def test_a_state_that_rests_on_a_moving_table_moves_with_it_under_its_parameters
     assert found[:2, 2:] == pytest.approx(np.array([[0.0, 0.0], [1.0, 1.2]]), abs=1e-11)
 
 
-def test_parameters_share_what_is_compiled():
-    first, second = (stroboscopic_map(STRUCK.with_params(wall=wall)).spec.motion.kernel for wall in (0.5, 0.6))
-    assert first is second
-
-
 @pytest.mark.parametrize("along", [1.0, 7.0, -3.0])
 def test_rest_on_a_floor_while_friction_slides_and_sticks(along):
     """Bounces end at 2.26; friction decelerates by 1 all the time, until it holds."""

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from math import cos, nan, pi, sin
+from math import nan
 from threading import get_ident
 from typing import Any
 
@@ -147,14 +147,6 @@ def test_a_single_batch_of_many_periods_is_iterated_by_all_threads(henon: PointM
         assert np.array_equal(one.status, other.status)
 
 
-def test_the_map_is_the_function(henon: PointMap) -> None:
-    initial_conditions = np.random.default_rng(0).uniform(-2.0, 2.0, (1000, 2))
-    x, y = initial_conditions.T
-    assert henon(initial_conditions) == pytest.approx(
-        np.column_stack([1.0 - 1.4 * x * x + y, 0.3 * x]), rel=1e-15, abs=1e-15
-    )
-
-
 def test_the_derivative_is_exact(henon: PointMap) -> None:
     initial_conditions = np.random.default_rng(1).uniform(-2.0, 2.0, (100, 2))
     matrices = jacobian(henon, initial_conditions)
@@ -187,16 +179,3 @@ def test_the_bounded_fraction_of_henons_map(henon: PointMap) -> None:
     initial_conditions = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
     bounded = henon.iterate(initial_conditions, 50).status == Status.OK
     assert bounded.mean() == pytest.approx(0.4319, abs=5e-5)
-
-
-def test_a_forced_map_of_the_literature() -> None:
-    """Grebogi, Ott, Yorke (1983): fixed points (0, -0.3) and (pi, 0.3)."""
-
-    def function(x: Any, p: Any) -> tuple[float, float]:
-        theta, r = x
-        return theta + 1.32 * sin(2.0 * theta) - 0.9 * sin(4.0 * theta) - r * sin(theta), -0.3 * cos(theta)
-
-    some = discrete_map(function, {}, (angle("theta", lower=0.0), "x"))
-    points = np.array([[0.0, -0.3], [pi, 0.3]])
-    assert some(points) == pytest.approx(points, abs=1e-14)
-    assert np.abs(np.linalg.eigvals(jacobian(some, points))).max() < 1.0

@@ -48,16 +48,6 @@ def test_the_method_is_that_of_the_map() -> None:
     assert exact.specified.swept(("mu",)).motion.kernel.method == "Rosenbrock"
 
 
-@pytest.mark.thorough
-def test_dry_friction() -> None:
-    exact = stroboscopic_map(driven_pendulum(amplitude=0.003, friction=10.0))
-    swept = swept_map(exact, "friction")
-    state = [2.5, 10.0]
-    for friction in (5.0, 20.0):
-        expected = exact.with_params(friction=friction)(state)
-        np.testing.assert_allclose(swept([*state, friction])[:2], expected, rtol=1e-8, atol=1e-8)
-
-
 def test_where_the_right_hand_side_cannot_be_traced() -> None:
     def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
         q, v = x
@@ -81,16 +71,6 @@ def test_a_table_gives_the_exact_map(pendulum: PointMap) -> None:
     assert other.table is not None
     assert other.params["amplitude"] == 0.0
     assert other.recipe["shape"] == table.recipe["shape"]
-
-
-def test_a_period_that_follows_the_parameter() -> None:
-    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
-        return x[1], -x[0] - 0.1 * x[1] + cos(p.omega * t)
-
-    following = ForcedSystem(rhs, {"omega": 1.0}, lambda p: 2 * pi / p.omega, ("q", "v"))
-    free = stroboscopic_map(following, rtol=1e-12, atol=1e-12)
-    image = swept_map(free, "omega")([0.3, 0.1, 1.3])[:2]
-    np.testing.assert_allclose(image, free.with_params(omega=1.3)([0.3, 0.1]), rtol=1e-10)
 
 
 def test_states_within_steps_and_quantities_that_depend_on_them() -> None:

@@ -14,11 +14,8 @@ from discontinuous_systems import (
     Array,
     Mode,
     Oracle,
-    curved,
     differences,
     initial_conditions_of,
-    relay,
-    relay_at,
     rubbed,
     table,
 )
@@ -69,15 +66,6 @@ def test_derivatives_agree_with_the_oracle(name: str) -> None:
         assert matrix == pytest.approx(expected, abs=1e-9 + 1e-6 * np.abs(expected).max())
 
 
-def test_sections_at_negative_times_are_those_a_period_later() -> None:
-    make, span = CASES["weak dry friction"]
-    system, initial_conditions = make(), initial_conditions_of(span, 64)
-    before, after = (
-        stroboscopic_map(system, phase=phase).iterate(initial_conditions, 1).unwrapped for phase in (-1.3, 0.7)
-    )
-    np.testing.assert_allclose(before, after, atol=1e-8)
-
-
 @pytest.mark.slow
 def test_three_links() -> None:
     """The most switches tested; every one of them sticks now and then."""
@@ -105,16 +93,6 @@ def test_the_determinant_is_that_of_damping_and_jumps() -> None:
             assert np.linalg.det(jacobian(strobe, ic)) == pytest.approx(expected, rel=1e-9)
             seen += len(log)
     assert seen > 5
-
-
-def test_derivatives_multiply_over_periods() -> None:
-    """Three periods at once are those of the system watched at every third."""
-    system = relay_at(1.5, curved)
-    slow = ForcedSystem(relay, {"thrust": 1.5}, 6.0 * pi, ("x", "v"), switches=curved)
-    initial_conditions = initial_conditions_of((2.0, 2.0), 6)
-    assert jacobian(stroboscopic_map(system), initial_conditions, 3) == pytest.approx(
-        jacobian(stroboscopic_map(slow), initial_conditions), rel=1e-9, abs=1e-9
-    )
 
 
 def test_one_bad_lane_does_not_disturb_the_others() -> None:
