@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import sqrt, tanh
+from math import sqrt
 
 import numpy as np
 import pytest
-from known_basins import LINE, circle_grid, counts, two_wells
+from known_basins import LINE, circle_grid, two_wells
 
 import systems
 from cellmap import (
     CellGrid,
     ForcedSystem,
     Label,
-    Status,
     certify,
     discrete_map,
     find_attractors,
@@ -62,17 +61,6 @@ def test_fractions_add_up_and_have_standard_errors():
         assert f.standard_error == pytest.approx(sqrt(f.fraction * (1 - f.fraction) / 3600), rel=1e-12)
 
 
-@pytest.mark.thorough
-def test_standard_error_is_that_of_random_initial_conditions():
-    """The fraction of the left well among 200 random initial conditions scatters as its standard error says."""
-    rng = np.random.default_rng(0)
-    found = [find_basins(LINE, rng.uniform(-1, 2, (200, 1))) for _ in range(60)]
-    left = [f.fractions[k] for f in found for k, a in enumerate(f.attractors) if a.points[0, 0] < 0]
-    scatter = np.std([f.fraction for f in left])
-    assert scatter == pytest.approx(np.mean([f.standard_error for f in left]), rel=0.3)
-    assert np.mean([f.fraction for f in left]) == pytest.approx(1 / 3, abs=0.015)
-
-
 def test_repr_names_the_attractors_and_their_fractions():
     basins = find_basins(stroboscopic_map(systems.driven_pendulum()), circle_grid(100.0, 40))
     text = repr(basins)
@@ -81,18 +69,6 @@ def test_repr_names_the_attractors_and_their_fractions():
     assert len(text) < 200
     undecided = find_basins(discrete_map(lambda x, p: (-x[0],), {}, ("x",), name="flip"), [[1.0], [2.0]], 40)
     assert repr(undecided) == "Basins(flip, 2 initial conditions: undecided 100 %)"
-
-
-def test_four_dimensional_initial_conditions_on_a_slice():
-    """A slice of one cell along two axes is a grid like any other."""
-
-    def two(x, p):
-        return tanh(2 * x[0]), tanh(2 * x[1]), 0.5 * x[2] + 0.1 * x[0], 0.5 * x[3]
-
-    four = discrete_map(two, {}, tuple("abcd"))
-    basins = find_basins(four, CellGrid((-1, -1, -0.1, -0.1), (1, 1, 0.1, 0.1), (12, 12, 1, 1)))
-    assert basins.labels.shape == (12, 12, 1, 1)
-    assert sorted(counts(basins)) == [36, 36, 36, 36]
 
 
 # --- codes
@@ -135,29 +111,6 @@ def test_an_attractor_outside_the_window_of_a_table_keeps_its_basin():
     assert np.array_equal(certify(kept).basins.labels, kept.labels)
 
 
-def test_diverging_orbits_have_their_own_code():
-    grid = CellGrid((-2.0,), (2.0,), (40,))
-    basins = find_basins(discrete_map(lambda x, p: (x[0] ** 3,), {}, ("x",)), grid)
-    inside = np.abs(grid.axis(0)) < 1
-    assert (basins.labels[inside] == 0).all()
-    assert (basins.labels[~inside] == Label.DIVERGED).all()
-    assert basins.label_name(Label.DIVERGED) == "diverged"
-
-
-def test_system_with_no_attractor_in_the_window():
-    basins = find_basins(discrete_map(lambda x, p: (0.5 * x[0] + 5,), {}, ("x",)), CellGrid((0.0,), (1.0,), (10,)))
-    assert basins.attractors[0].points == pytest.approx(np.array([[10.0]]))
-    assert (basins.labels == 0).all()
-    basins = find_basins(discrete_map(lambda x, p: (2 * x[0] + 1,), {}, ("x",)), CellGrid((0.0,), (1.0,), (10,)))
-    assert basins.attractors == ()
-    assert (basins.labels == Label.DIVERGED).all()
-    drift = discrete_map(lambda x, p: (x[0] + 1,), {}, ("x",))
-    table = interpolated_map(drift, CellGrid((0.0,), (5.0,), (10,)), outside="escape")
-    basins = find_basins(table, CellGrid((0.0,), (5.0,), (10,)))
-    assert basins.attractors == ()
-    assert (basins.labels == Label.ESCAPED).all()
-
-
 # --- far initial conditions do not spoil the near ones
 
 
@@ -174,16 +127,6 @@ def test_far_initial_conditions_change_nothing_for_the_others(far):
 
 
 # --- warnings, memory, bad input
-
-
-def test_initial_conditions_with_missed_tolerance_are_counted_and_warned_of():
-    """Three steps a period do not suffice for anything."""
-    strobe = stroboscopic_map(systems.driven_pendulum(), max_steps=4)
-    with pytest.warns(ToleranceWarning, match="missed its tolerance along"):
-        basins = find_basins(strobe, circle_grid(100.0, 6), max_periods=30)
-    assert 0 < basins.inaccurate <= 36
-    with pytest.warns(ToleranceWarning):
-        assert strobe.iterate([1.0, 50.0], 1).status == Status.INACCURATE
 
 
 def test_inaccurate_orbits_count_once_however_many_sweeps_there_are():

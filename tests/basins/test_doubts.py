@@ -113,13 +113,6 @@ def test_a_tiny_region_is_not_taken_for_growth(recwarn):
     assert not [w for w in recwarn if "bounds" in str(w.message)]
 
 
-def test_undecided_says_why():
-    """Nothing attracts in a conservative map."""
-    standard = discrete_map(lambda x, p: (x[0] + x[1] + 5 * sin(x[0]), x[1] + 5 * sin(x[0])), {}, map(angle, "ab"))
-    with pytest.warns(UnsettledWarning, match=r"100.0% .* undecided: .* volumes do not shrink; there is no attractor"):
-        find_basins(standard, CellGrid((-pi, -pi), (pi, pi), (8, 8)), max_periods=300)
-
-
 @pytest.mark.parametrize("coordinate", ["theta", angle("theta")], ids=str)
 def test_rotations_of_what_is_no_angle(coordinate, recwarn):
     """A rotor under a constant torque turns without end; -1 <= sin < 1.5, so that there is nothing else."""

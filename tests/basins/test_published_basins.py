@@ -153,16 +153,6 @@ def test_bounded_fraction_of_henons_map():
     assert set(basins.fractions) == {0, Label.DIVERGED}
 
 
-@pytest.mark.thorough
-def test_fractions_do_not_depend_on_the_tolerance_where_the_boundary_is_fractal():
-    """Two exact maps disagree on single cells, and agree on fractions to 0.3 points."""
-    grid = CellGrid((-2.2, -2.2), (2.2, 2.2), (300, 300))
-    system = systems.two_well_duffing()
-    rough, fine = (find_basins(stroboscopic_map(system, rtol=t, atol=t), grid) for t in (1e-8, 1e-12))
-    assert (rough.labels != fine.labels).any()
-    assert fractions(rough) == pytest.approx(fractions(fine), abs=0.003)
-
-
 # --- images
 
 REFERENCE = Path(__file__).parents[1] / "reference"

@@ -7,7 +7,6 @@ from math import pi
 
 import numpy as np
 import pytest
-from driven_pendulums import strobe
 
 import systems
 from cellmap import (
@@ -28,12 +27,12 @@ from cellmap.orbits.attractor import Neighbourhood
 STABLE_FROM = 2.329021135978e-3  # amplitude (m) at which the inverted state gains stability
 
 
+def strobe(**parameters: float) -> PointMap:
+    return stroboscopic_map(systems.driven_pendulum(**parameters))
+
+
 def scaled(alpha: float, beta: float, gamma: float) -> PointMap:
     return stroboscopic_map(systems.dimensionless_pendulum(alpha, beta, gamma))
-
-
-def table(exact: PointMap, speed: float) -> PointMap:
-    return interpolated_map(exact, CellGrid((-pi, -speed), (pi, speed), (128, 128)), outside="integrate")
 
 
 def is_inverted(attractor) -> bool:
@@ -41,17 +40,6 @@ def is_inverted(attractor) -> bool:
 
 
 # --- an unstable equilibrium on a node (case 3)
-
-
-@pytest.mark.parametrize("use", ["exact", "table"])
-def test_unstable_equilibrium_on_a_node_is_no_attractor(use):
-    """At 2 mm the multipliers of (pi, 0) are 1.1269 and 0.7265; rounding keeps its own orbit there for long."""
-    exact = strobe(amplitude=0.002)
-    point_map = exact if use == "exact" else table(exact, 120.0)
-    basins = find_basins(point_map, [[pi, 0.0], [-pi, 0.0], [1.0, 1.0]])
-    assert [a.name for a in basins.attractors] == ["fixed point (0, 0)"]
-    assert basins.labels[2] == 0
-    assert set(basins.labels[:2].tolist()) <= {Label.UNDECIDED, 0}
 
 
 def test_grid_with_a_node_on_an_unstable_equilibrium():
@@ -72,47 +60,17 @@ def test_unstable_fixed_point_of_a_map_on_a_node(multiplier):
     assert basins.labels.tolist() == [Label.UNDECIDED, Label.UNDECIDED]
 
 
-# --- nothing attracts (cases 2 and 11)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(("alpha", "beta"), [(1.0, 0.0), (0.25, 0.0), (0.25, 0.1)])
-def test_without_damping_there_is_no_attractor(alpha, beta):
-    basins = find_basins(scaled(alpha, beta, 0.0), CellGrid((-pi, -1.0), (pi, 1.0), (4, 4)), max_periods=50)
-    assert basins.attractors == ()
-    assert (basins.labels == Label.UNDECIDED).all()
-    assert (basins.settling_time == -1).all()
-
-
 # --- slow convergence (case 4)
 
 
-@pytest.mark.parametrize(
-    ("beyond", "multiplier", "periods"),
-    [(1e-6, 0.999372, 30_000), pytest.param(-1e-6, 1.000624, 5000, marks=pytest.mark.thorough)],
-)
-def test_inverted_state_is_an_attractor_above_its_threshold_alone(beyond, multiplier, periods):
+def test_inverted_state_is_an_attractor_above_its_threshold():
     """Multiplier 0.999372: 11,000 periods for a factor of a thousand.  Rest at 0.01 rad from upright must end there."""
-    exact = strobe(amplitude=STABLE_FROM + beyond)
-    assert np.abs(np.linalg.eigvals(jacobian(exact, [pi, 0.0]))).max() == pytest.approx(multiplier, abs=1e-6)
+    exact = strobe(amplitude=STABLE_FROM + 1e-6)
+    assert np.abs(np.linalg.eigvals(jacobian(exact, [pi, 0.0]))).max() == pytest.approx(0.999372, abs=1e-6)
+    table = interpolated_map(exact, CellGrid((-pi, -120.0), (pi, 120.0), (128, 128)), outside="integrate")
     initial_conditions = np.stack([pi + np.linspace(-0.01, 0.01, 6), np.zeros(6)], axis=-1)
-    basins = find_basins(table(exact, 120.0), initial_conditions, max_periods=periods)
-    if beyond > 0.0:
-        assert [is_inverted(a) for a in basins.attractors] == [True]
-        assert (basins.labels == 0).all()
-    else:
-        assert not any(is_inverted(a) for a in basins.attractors)
-
-
-@pytest.mark.parametrize("damping", [1e3, pytest.param(1e4, marks=pytest.mark.thorough)])
-def test_strong_damping_creeps_to_rest(damping):
-    """g/(l damping) = 0.36 and 0.036 /s (case 10): one slow multiplier near 1 and one that vanishes."""
-    exact = strobe(damping=damping, amplitude=0.0)
-    slow = np.exp(-9.8 / 0.0272 / damping * 0.02)
-    basins = find_basins(exact, [[0.3, 0.0], [-1.0, 50.0], [2.5, -50.0]], max_periods=20_000)
-    (a,) = basins.attractors
-    assert a.points == pytest.approx(np.zeros((1, 2)), abs=1e-9)
-    assert a.multipliers[0] == pytest.approx(slow, rel=1e-4)
+    basins = find_basins(table, initial_conditions, max_periods=30_000)
+    assert [is_inverted(a) for a in basins.attractors] == [True]
     assert (basins.labels == 0).all()
 
 
@@ -214,19 +172,7 @@ def test_unstable_solutions_are_not_examined(monkeypatch):
     assert examined == []
 
 
-# --- bifurcations of the report's system (cases 8 and 9)
-
-
-def test_principal_resonance():
-    """The hanging state (alpha 0.25, gamma 0.05) is lost at beta = 0.050027335537, to a motion of period 2."""
-    initial_conditions = CellGrid((-pi, -1.0), (pi, 1.0), (6, 6)).centres()
-    (below,) = find_attractors(scaled(0.25, 0.0495, 0.05), initial_conditions)
-    (above,) = find_attractors(scaled(0.25, 0.052, 0.05), initial_conditions)
-    assert (below.kind, below.points[0].round(9).tolist()) == (Kind.FIXED_POINT, [0.0, 0.0])
-    assert (above.kind, above.period, above.rotations) == (Kind.PERIODIC, 2, (0, 0))
-    for beta, stable in ((0.050027335537 - 1e-6, True), (0.050027335537 + 1e-6, False)):
-        largest = np.abs(np.linalg.eigvals(jacobian(scaled(0.25, beta, 0.05), [0.0, 0.0]))).max()
-        assert (largest < 1) == stable
+# --- a bifurcation of the report's system (case 8)
 
 
 def test_inverted_state_just_after_it_gains_stability():

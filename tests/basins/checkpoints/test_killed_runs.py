@@ -3,116 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from math import pi
-from pathlib import Path
-from typing import Any
 
-import h5py
-import numpy as np
 import pytest
 from checkpointed_runs import CASES, TABLE
-from known_basins import CONSERVATIVE, assert_same, duffing, pendulum
+from known_basins import assert_same, duffing
 
-from cellmap import Basins, CellGrid, find_basins, interpolated_map
+from cellmap import interpolated_map
 from cellmap._lib.files import locked
 from cellmap.basins import StoreError
 from cellmap.utils import written_whole
-
-PROGRAM = """
-import sys
-sys.path[:0] = {folders!r}
-import test_killed_runs
-test_killed_runs.long_run({path!r})
-print("finished")
-"""
-
-
-def long_run(folder: str | Path) -> tuple[Basins, Basins]:
-    """A table, basins of its map that take some sweeps, and some whose sweeps go on from where others ended."""
-    grid = CellGrid((-pi, -500.0), (pi, 500.0), (260, 260))
-    icm = interpolated_map(pendulum(), grid, checkpoint=Path(folder) / "table.h5")
-    cells = CellGrid((-pi, -500.0), (pi, 500.0), (400, 400))
-    basins = find_basins(icm, cells, 1000, 8, checkpoint=Path(folder) / "basins.h5")
-    places = CellGrid((-0.6, -0.6), (0.6, 0.6), (140, 130))
-    return basins, find_basins(CONSERVATIVE, places, 520, checkpoint=Path(folder) / "states.h5")
-
-
-def assert_same_results(ours: tuple[Basins, ...], theirs: tuple[Basins, ...]) -> None:
-    for one, other in zip(ours, theirs, strict=True):
-        assert_same(one, other)
-
-
-def started(tmp_path: Path) -> subprocess.Popen[str]:
-    program = PROGRAM.format(folders=[str(p) for p in Path(__file__).parents[:2]], path=str(tmp_path))
-    return subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-def tiles_done(path: Path) -> dict[str, Any]:
-    """What a file says of its tiles, and of its pass; every moment is a good one to look."""
-    if not path.exists():
-        return {}
-    with h5py.File(path, "r", locking=False) as file:
-        if "tiles" not in file:
-            names = [name for name in file if name.startswith("tiles of")]
-            return {name: int(np.count_nonzero(file[name]["done"])) for name in names} or {"result": True}
-        moment = {"age": max(file["pass"].attrs["restart_times"], default=0)}
-        return moment | {"tiles": int(np.count_nonzero(file["tiles"]["done"])), "rows": "rows" in file["pass"]}
-
-
-MOMENTS: dict[str, tuple[str, Callable[[dict[str, Any]], bool]]] = {
-    "while nodes are interpolated": ("table.h5", lambda seen: seen.get("tiles of displacement", 0) >= 1),
-    "while the table is checked": ("table.h5", lambda seen: seen.get("tiles of indicator", 0) >= 1),
-    "at the beginning of the first labels": ("basins.h5", lambda seen: "tiles" in seen),
-    "during the first labels": ("basins.h5", lambda seen: seen.get("tiles", 0) >= 3),
-    "during a later pass": ("basins.h5", lambda seen: bool(seen.get("rows"))),
-    "during a pass that goes on from states": ("states.h5", lambda seen: seen.get("age", 0) > 0),
-}
-
-
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory) -> tuple[Basins, Basins]:
-    return long_run(tmp_path_factory.mktemp("undisturbed"))
-
-
-def interrupt_at(tmp_path: Path, moment: str, number: int) -> tuple[int, str]:
-    name, reached = MOMENTS[moment]
-    process = started(tmp_path)
-    try:
-        while process.poll() is None and not reached(tiles_done(tmp_path / name)):
-            time.sleep(0.002)
-        process.send_signal(number)
-        output, errors = process.communicate(timeout=120)
-    finally:
-        process.kill()
-    return process.returncode, output + errors
-
-
-@pytest.mark.parametrize(
-    ("moment", "number"),
-    [
-        pytest.param(m, number, marks=pytest.mark.thorough if m == "during a later pass" else pytest.mark.slow)
-        for m in MOMENTS
-        for number in (signal.SIGKILL, signal.SIGINT)
-    ],
-)
-def test_killed_without_mercy_or_interrupted_from_the_keyboard(moment, number, undisturbed, tmp_path):
-    for attempt in range(5):  # a process that came to its end before the signal is started again
-        folder = tmp_path / str(attempt)
-        folder.mkdir()
-        returned, output = interrupt_at(folder, moment, number)
-        if returned != 0:
-            break
-    assert returned == -signal.SIGKILL or (returned != 0 and "KeyboardInterrupt" in output)
-    for path in folder.glob("[!.]*.h5"):  # other names are those of files that are being written
-        tiles_done(path)  # each is a file that can be read
-    assert_same_results(long_run(folder), undisturbed)
-    assert sorted(p.name for p in folder.iterdir()) == ["basins.h5", "states.h5", "table.h5"]
 
 
 def test_temporary_files_of_others_stay(plain, tmp_path):

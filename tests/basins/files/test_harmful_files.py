@@ -26,6 +26,12 @@ def replaced(group: h5py.Group, name: str, make: Callable[[h5py.Group, str], obj
     make(group, name)
 
 
+def array(path: str, value: Any) -> Callable[[h5py.Group], object]:
+    """Put an array in the place of another one."""
+    folder, _, name = f"./{path}".rpartition("/")
+    return lambda group: replaced(group[folder], name, lambda g, n: g.__setitem__(n, value))
+
+
 def crafted(whole: Path, folder: Path, change: Callable[[h5py.File], object]) -> Path:
     """A changed copy with the right checksums."""
     path = Path(shutil.copy(whole, folder / "crafted.h5"))
@@ -138,23 +144,17 @@ ATTRIBUTES: dict[str, Callable[[h5py.Group], object]] = {
     "text for numbers": lambda g: g["grid"].attrs.__setitem__("upper", np.bytes_(b"{}")),
     "settings that are a number": lambda g: g.attrs.__setitem__("settings", np.bytes_(b"NaN")),
     "no cost": lambda g: g.attrs.__setitem__("cost", np.bytes_(b'{"seconds": "long"}')),
-    "many exponents": lambda g: replaced(g["attractors/0"], "exponents", lambda h, n: h.__setitem__(n, np.zeros(90))),
+    "many exponents": array("attractors/0/exponents", np.zeros(90)),
     "a negative distance": lambda g: g["attractors/0"].attrs.__setitem__("grazing", -1.0),
-    "other ellipsoids": lambda g: replaced(
-        g["attractors/0/neighbourhood"], "metrics", lambda h, n: h.__setitem__(n, np.zeros((9, 2, 2)))
-    ),
+    "other ellipsoids": array("attractors/0/neighbourhood/metrics", np.zeros((9, 2, 2))),
     "an array for attractors": lambda g: replaced(g, "attractors", long_array),
     "an array for an attractor": lambda g: replaced(g["attractors"], "0", long_array),
     "an array for a grid": lambda g: replaced(g, "grid", long_array),
-    "no contraction": lambda g: replaced(
-        g["attractors/0/neighbourhood"], "contraction", lambda h, n: h.__setitem__(n, np.nan)
-    ),
+    "no contraction": array("attractors/0/neighbourhood/contraction", np.nan),
     "no labels": lambda g: g.pop("labels"),
     "no times": lambda g: g.pop("settling_time"),
-    "negative times": lambda g: replaced(
-        g, "settling_time", lambda h, n: h.__setitem__(n, np.full((60, 50), -2, "i4"))
-    ),
-    "turned times": lambda g: replaced(g, "settling_time", lambda h, n: h.__setitem__(n, np.zeros((50, 60), "i4"))),
+    "negative times": array("settling_time", np.full((60, 50), -2, "i4")),
+    "turned times": array("settling_time", np.zeros((50, 60), "i4")),
     "no attractors": lambda g: g.pop("attractors"),
     "another number": lambda g: g.move("attractors/0", "attractors/7"),
     "no params": lambda g: g.attrs.pop("params"),
@@ -167,13 +167,9 @@ ATTRIBUTES: dict[str, Callable[[h5py.Group], object]] = {
     "no number": lambda g: g["attractors/0"].attrs.__setitem__("period", "many"),
     "a period of more points": lambda g: g["attractors/0"].attrs.__setitem__("period", 2),
     "three rotations": lambda g: g["attractors/0"].attrs.__setitem__("turns", [1, 2, 3]),
-    "points that are none": lambda g: replaced(
-        g["attractors/0"], "points", lambda h, n: h.__setitem__(n, np.full((1, 2), np.nan))
-    ),
-    "real multipliers": lambda g: replaced(g["attractors/0"], "multipliers", lambda h, n: h.__setitem__(n, np.ones(2))),
-    "no centres": lambda g: replaced(
-        g["attractors/0"], "neighbourhood", lambda h, n: h.__setitem__(f"{n}/centres", 1.0)
-    ),
+    "points that are none": array("attractors/0/points", np.full((1, 2), np.nan)),
+    "real multipliers": array("attractors/0/multipliers", np.ones(2)),
+    "no centres": array("attractors/0/neighbourhood/centres", 1.0),
     "a turned window": lambda g: g["grid"].attrs.__setitem__("upper", [-10.0, -1000.0]),
     "another grid": lambda g: g["grid"].attrs.__setitem__("shape", [3, 3]),
     "a negative count": lambda g: g.attrs.__setitem__("inaccurate", -1),
@@ -251,10 +247,10 @@ CHECKPOINTS: dict[str, Callable[[h5py.File], object]] = {
     "time limit": lambda f: f["pass"].attrs.__setitem__("time_limit", 2**60),
     "restart times": lambda f: f["pass"].attrs.__setitem__("restart_times", np.array([5, 3])),
     "huge restart times": lambda f: f["pass"].attrs.__setitem__("restart_times", np.array([2**60])),
-    "rows": lambda f: replaced(f["pass"], "rows", lambda g, n: g.__setitem__(n, np.zeros(3, np.uint8))),
-    "settled": lambda f: replaced(f["pass"], "settled", lambda g, n: g.__setitem__(n, np.zeros(3, np.float32))),
-    "guesses": lambda f: replaced(f["pass/examined"], "guesses", lambda g, n: g.__setitem__(n, np.zeros((3, 9)))),
-    "external labels": lambda f: replaced(f, "labels", lambda g, n: g.__setitem__(n, h5py.ExternalLink("a.h5", "b"))),
+    "rows": array("pass/rows", np.zeros(3, np.uint8)),
+    "settled": array("pass/settled", np.zeros(3, np.float32)),
+    "guesses": array("pass/examined/guesses", np.zeros((3, 9))),
+    "external labels": array("labels", h5py.ExternalLink("a.h5", "b")),
     "no pass": lambda f: f.__delitem__("pass"),
     "an array for a pass": lambda f: replaced(f, "pass", long_array),
     "an array for what was examined": lambda f: replaced(f["pass"], "examined", long_array),
