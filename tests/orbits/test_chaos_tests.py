@@ -120,34 +120,6 @@ def test_the_median_has_an_exact_interval():
     assert found.high == found.evidence[60]
 
 
-SERIES = np.zeros(300)
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: exponent_test(systems.henon_map(), np.empty((0, 2))), "initial_conditions is empty"),
-        (lambda: exponent_test(systems.henon_map(), [0.1, 0.1], 10), "periods=10: give a whole number of at least"),
-        (lambda: zero_one_test(systems.henon_map(), [0.1, 0.1], 10), "periods=10: give a whole number of at least"),
-        (lambda: zero_one_test(systems.henon_map(), [0.1, 0.1], 300, -1), "transient=-1"),
-        (lambda: zero_one_test(systems.henon_map(), [0.1, 0.1], 300, observable=lambda x: x), "one number for each"),
-        (lambda: zero_one_test_of_series(SERIES[:100]), "at least 200 values"),
-        (lambda: zero_one_test_of_series(SERIES + np.nan), "not finite"),
-        (lambda: zero_one_test_of_series(np.zeros((300, 0))), "at least one series"),
-        (lambda: zero_one_test_of_series(SERIES, 5), "frequencies=5"),
-        (lambda: zero_one_test_of_series(SERIES, 20, 1.0), "confidence=1.0"),
-        (lambda: alignment_test(systems.henon_map(), np.empty((0, 2))), "initial_conditions is empty"),
-        (lambda: alignment_test(systems.henon_map(), [0.1, 0.1], 43), "periods=43"),
-        (lambda: alignment_test(systems.henon_map(), [0.1, 0.1], order=3), "order=3"),
-        (lambda: alignment_test(systems.henon_map(), [0.1, 0.1], order=1), "order=1"),
-        (lambda: alignment_test(systems.henon_map(), [0.1, 0.1], confidence=1.0), "confidence=1.0"),
-    ],
-)
-def test_bad_arguments_are_refused(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
-
-
 # --- alignment
 
 

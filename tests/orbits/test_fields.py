@@ -126,13 +126,6 @@ def test_memory_is_claimed_beforehand(monkeypatch):
         finite_time_exponents(systems.henon_map(), SQUARE, 1)
 
 
-def test_bad_input_is_refused():
-    with pytest.raises(ValueError, match="grid has 1 axis"):
-        finite_time_exponents(systems.henon_map(), CellGrid((0.0,), (1.0,), (3,)), 1)
-    with pytest.raises(ValueError, match="periods=0: give a whole number of at least 1"):
-        finite_time_exponents(systems.henon_map(), SQUARE, 0)
-
-
 def test_the_figure():
     field = finite_time_exponents(stroboscopic_map(systems.forced_pendulum()), CellGrid((-pi, -4), (pi, 4), (9, 6)), 2)
     ax = plot.exponent_field(field, per_time=True)

@@ -1,6 +1,5 @@
 """Lyapunov exponents: exact values, their errors and convergence, per step and per time."""
 
-import time
 from dataclasses import replace
 from math import log, pi, sqrt
 
@@ -61,17 +60,6 @@ def test_henon():
     assert (error < 1e-3).all()
     assert (np.abs(mean - [0.41922, -1.62319]) < 3.0 * error).all()
     assert found.lyapunov_time == pytest.approx(1.0 / found.exponents[:, 0])
-    assert found.sums == pytest.approx(log(0.3), abs=1e-12)
-
-
-def test_a_single_orbit_in_one_compiled_loop():
-    """A million periods of one orbit in seconds of a loaded machine; 10^7 a second on a quiet one."""
-    henon = systems.henon_map()
-    lyapunov_spectrum(henon, [0.1, 0.1], 20)
-    began = time.process_time()
-    found = lyapunov_spectrum(henon, [0.1, 0.1], 1_000_000)
-    assert time.process_time() - began < 1.0
-    assert (np.abs(found.exponents - [0.41922, -1.62319]) < 3.0 * found.standard_errors).all()
     assert found.sums == pytest.approx(log(0.3), abs=1e-12)
 
 
@@ -208,27 +196,6 @@ def test_an_orbit_on_a_pole_of_the_derivative_goes_on():
     assert found.status.tolist() == [Status.OK, Status.OK]
     assert found.exponents == pytest.approx(np.array([[0.0, -1.0]] * 2), abs=1e-6)
     assert found.ends == pytest.approx(np.array([[1.0, 1.0], [0.0, 0.0]]), abs=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"initial_conditions": np.empty((0, 2))}, "initial_conditions is empty"),
-        ({"initial_conditions": [[0.0, np.nan]]}, "remove points that are not finite"),
-        ({"periods": 19}, "periods=19: give a whole number of at least 20"),
-        ({"transient": -1}, "transient=-1"),
-    ],
-)
-def test_bad_input_is_refused(change, message):
-    with pytest.raises(ValueError, match=message):
-        lyapunov_spectrum(systems.henon_map(), **({"initial_conditions": [[0.1, 0.1]], "periods": 20} | change))
-
-
-def test_an_interval_needs_a_confidence():
-    found = lyapunov_spectrum(systems.henon_map(), [0.1, 0.1], 20)
-    for wrong in (0.0, 1.0, 2.0):
-        with pytest.raises(ValueError, match="confidence"):
-            found.interval(wrong)
 
 
 def test_the_figure():

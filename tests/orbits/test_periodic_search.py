@@ -119,21 +119,6 @@ def test_where_derivatives_are_not_known():
     np.testing.assert_allclose(orbit.points[0], [response.real, (1j * response).real], atol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("call", "error", "message"),
-    [
-        (lambda m: periodic_orbit(m, [[0.0, 0.0]]), ValueError, "one state"),
-        (lambda m: periodic_orbit(m, [0.0, 0.0], period=0), ValueError, "period=0"),
-        (lambda m: find_periodic_orbits(m, [0.0, 1.0]), TypeError, "region="),
-        (lambda m: find_periodic_orbits(m, CellGrid((0,), (1,), (3,))), ValueError, "1 axis"),
-        (lambda m: find_periodic_orbits(m, WINDOW, longest_period=0), ValueError, "longest_period=0"),
-    ],
-)
-def test_bad_input_is_refused(pendulum, call, error, message):
-    with pytest.raises(error, match=message):
-        call(pendulum)
-
-
 @pytest.mark.thorough
 @pytest.mark.parametrize(
     ("step", "window"),

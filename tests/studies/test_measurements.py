@@ -67,17 +67,6 @@ def test_a_short_film_of_a_rod(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(tracking.draw([case, case]).axes) == 6
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [2, 3])
-def test_nothing_is_mistaken(seed: int) -> None:
-    for case in tracking.compute(quick=True, seed=seed):
-        assert case.wrong == 0
-        assert case.overlooked == 0
-        plain = np.linalg.norm(case.plain.positions - case.recording.truth, axis=-1)
-        assert tracking.rms(case.errors) < 0.1
-        assert tracking.rms(plain) > 1.3 * tracking.rms(case.errors)
-
-
 @pytest.mark.parametrize("drive", [shaker.SINE, shaker.TWO, shaker.TRIANGLE])
 def test_true_harmonics_are_those_of_the_drive(drive: shaker.Effect) -> None:
     """By Fourier sums over one period; 4,096 samples of a triangle alias its far harmonics at 1e-6 of the first."""

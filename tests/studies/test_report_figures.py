@@ -60,13 +60,6 @@ def test_sets_of_boxes() -> None:
     assert sorted(map(tuple, holders)) == [(k,) for k in sorted(graph.sinks)]
 
 
-@pytest.mark.slow
-def test_all_sets_of_boxes(quick_run: Callable[..., str]) -> None:
-    said = quick_run(set_oriented, "set_oriented.png")
-    assert "missed: 0 " in said and "fixed points in the sets" in said
-    assert float(said.split("within ")[1].split()[0]) < 1e-4
-
-
 def test_models_after_one_period():
     """Two independent programs agree on these states (tests/REFERENCES.md)."""
     result = figure_5.compute(1)
