@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 import cellmap
 import systems
@@ -138,19 +137,6 @@ def test_seeds_of_parts_come_from_a_generator_too():
     np.testing.assert_array_equal(chain(3), chain(3))
     assert not np.array_equal(chain(generator), chain(generator))
     assert not np.array_equal(chain(None), chain(None))
-
-
-@pytest.mark.parametrize(
-    ("rng", "message"),
-    [
-        (1.5, "rng=1.5: give a whole number as seed, a numpy.random.Generator, or None"),
-        (np.random.RandomState(0), "rng=RandomState.*: give a whole number as seed"),
-        (-1, "rng=-1: give a whole number of at least 0"),
-    ],
-)
-def test_what_rng_may_be(rng, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        zero_one_test_of_series(series(), 20, rng=rng)
 
 
 def test_no_function_has_the_name_of_a_file_beside_it():
