@@ -65,7 +65,7 @@ def test_orbits_that_have_not_settled_are_doubtful() -> None:
     assert found.labels[:30].max() == found.labels[:30].min() >= 0
     assert found.labels[34:].max() == found.labels[34:].min() >= 0
     assert found.labels[0] != found.labels[-1] and (found.labels[30:34] == Label.DOUBTFUL).all()
-    assert sum(found.doubts.values()) == 4
+    assert sum(found.doubts.values()) == 4 and found.inaccurate == 0
 
 
 def cubic() -> PointMap:

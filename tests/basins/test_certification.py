@@ -67,8 +67,9 @@ def test_every_label_of_a_fractal_image_is_that_of_direct_integration(fractal):
     kept, z2 = 1.0 - certificate.redone / basins.labels.size, 1.959963984540054**2
     assert certificate.wrong == (0.0, pytest.approx(kept * z2 / (1000 + z2)))
     assert "recomputed" in repr(certificate)
-    with pytest.raises(ValueError, match="not an interpolated map"):
-        certify(direct)
+    for other in (direct, replace(basins, point_map=replace(basins.point_map, exact=None))):
+        with pytest.raises(ValueError, match="not an interpolated map"):
+            certify(other)
     with pytest.raises(ValueError, match=r"max_cost=0\.9: give a number from 1 on"):
         certify(basins, max_cost=0.9)
 
@@ -121,6 +122,9 @@ def test_boundary_in_closed_form(order):
     assert (basins.labels != right).any() == (order == 1)
     np.testing.assert_array_equal(certificate.basins.labels, right)
     assert certificate.redone < 5_000
+    spoilt = certify(replace(basins, labels=(1 - basins.labels).astype(np.int16)), audit=50)
+    np.testing.assert_array_equal(spoilt.basins.labels, right)
+    assert (spoilt.basins.settling_time[spoilt.evidence == Evidence.CELL] == 0).all()
 
 
 def test_orbits_that_leave_the_window():

@@ -210,6 +210,13 @@ def test_windows_a_little_longer_than_the_circle_overlap():
     place = ProvedCells.none(Region(grid, turning.coordinates, (0, 0), (0, 0))).region.place()
     last = place.first[0] + 7
     assert place.mids[0, last] + place.half[0] >= grid.upper[0]
+    assert place.middle == pytest.approx([0.0, 0.0], abs=1e-8)
+
+
+def test_cells_are_alike_along_circles_all_round():
+    labels = np.array([1, 1, 0, 0])
+    assert alike(labels, (False,)).tolist() == [True, False, False, True]
+    assert not alike(labels, (True,)).any() and alike(np.zeros(4), (True,)).all()
 
 
 def test_balls_reach_nearly_as_far_as_the_basin():

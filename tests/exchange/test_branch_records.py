@@ -235,6 +235,15 @@ def test_a_branch_and_a_curve(branch: Branch, curve: BifurcationCurve, tmp_path:
     np.testing.assert_allclose(points[:, 3], 0.75 * (1.0 - points[:, -1]) ** 2, rtol=1e-9, atol=1e-9)
 
 
+def test_a_torus_bifurcation_has_autos_number(tmp_path: Path) -> None:
+    """The delayed logistic map at a = 2: TR is 8 (AUTO's manual)."""
+    delayed = discrete_map(lambda x, p: (p.a * x[0] * (1 - x[1]), x[0]), {"a": 1.9}, ("x", "y"))
+    swept = continue_orbit(delayed, periodic_orbit(delayed, [0.47, 0.47]), "a", 1.8, 2.1, step=0.1)
+    ((_, rows),) = read(save_auto(swept, tmp_path / "b.delayed")).values()
+    (torus,) = rows[rows[:, 1] == 8]
+    assert torus[3] == pytest.approx(2.0, abs=1e-9)
+
+
 @pytest.mark.thorough
 def test_norms_and_maxima_over_the_period(curve: BifurcationCurve, tmp_path: Path) -> None:
     # x'' + b x' + 4 x = cos(t): x = A cos(t - phi), A^2 = 1 / (9 + b^2), for x and v together a norm of A.
@@ -256,6 +265,8 @@ def test_the_same_as_labelled_arrays(branch: Branch, curve: BifurcationCurve, tm
     labelled = curve.to_xarray()
     np.testing.assert_array_equal(np.column_stack([labelled["a"], labelled["b"]]), curve.values)
     assert labelled.attrs["ends"] == ", ".join(curve.ends)
-    np.testing.assert_allclose(to_dataframe(curve)["largest_multiplier"], 1.0, rtol=1e-9)
+    table = to_dataframe(curve)
+    np.testing.assert_allclose(table["largest_multiplier"], 1.0, rtol=1e-9)
+    np.testing.assert_allclose(np.abs(table["argument"]), pi)  # of the multiplier -1
     with pytest.raises(TypeError, match="give a Branch"):
         save_auto([], tmp_path / "b.nothing")

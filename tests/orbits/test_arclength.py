@@ -6,15 +6,16 @@ import pytest
 from cellmap.orbits.arclength import Box, both_ways, corrected, trace
 
 
+def circle(unknowns):
+    """x^2 + q^2 = 1."""
+    return np.array([unknowns @ unknowns - 1.0]), 2.0 * unknowns[None]
+
+
 @pytest.mark.parametrize(
     ("upper", "ends"), [(2.0, ("closed", "closed")), (0.5, ("left the interval", "left the interval"))]
 )
 def test_a_circle_is_traced_once_and_an_arc_of_it_from_end_to_end(upper, ends):
-    """x^2 + q^2 = 1, whole and for q below 1/2, where 2/3 of it are left."""
-
-    def circle(unknowns):
-        return np.array([unknowns @ unknowns - 1.0]), 2.0 * unknowns[None]
-
+    """Whole, and for q below 1/2, where 2/3 of it are left."""
     start, box = corrected(circle, np.array([0.0, -1.0]), np.array([1.0, 0.0])), Box.of([[-2.0, upper]], 1.0)
     assert start is not None
     places, found = both_ways(lambda begin: trace(circle, begin, box, 0.1, 200), start)
@@ -22,3 +23,12 @@ def test_a_circle_is_traced_once_and_an_arc_of_it_from_end_to_end(upper, ends):
     turns = np.unwrap([np.arctan2(*p.unknowns) for p in places]) / (2.0 * np.pi)
     assert (np.abs(np.diff(turns)) < 0.1 / np.pi).all()
     assert abs(turns[-1] - turns[0]) == pytest.approx(1.0 if upper > 1.0 else 2.0 / 3.0, abs=0.02)
+
+
+def test_a_step_that_is_refused_is_repeated_shorter():
+    start, box = corrected(circle, np.array([0.0, -1.0]), np.array([1.0, 0.0])), Box.of([[-2.0, 2.0]], 1.0)
+    refuse = lambda step, may_refuse: "refused" if may_refuse and step.length > 0.02 else None  # noqa: E731
+    places, end = trace(circle, start, box, 0.1, 1000, visit=refuse)
+    assert end == "closed"
+    steps = np.linalg.norm(np.diff([p.unknowns for p in places], axis=0), axis=1)
+    assert steps.max() <= 0.02 and len(places) > 2 * np.pi / 0.02

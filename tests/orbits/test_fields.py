@@ -119,13 +119,6 @@ def test_the_kernel_inverts_with_pivots():
     assert back * np.exp(size_back)[:, None, None] == pytest.approx(np.linalg.inv(twice), rel=1e-8, abs=1e-10)
 
 
-def test_memory_is_claimed_beforehand(monkeypatch):
-    monkeypatch.setattr("cellmap._lib.checks._ALWAYS_FREE", 0)
-    monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: 1000)
-    with pytest.raises(MemoryError, match=r"exponents of 35 initial conditions needs 1.12 kB.*take fewer cells"):
-        finite_time_exponents(systems.henon_map(), SQUARE, 1)
-
-
 def test_the_figure():
     field = finite_time_exponents(stroboscopic_map(systems.forced_pendulum()), CellGrid((-pi, -4), (pi, 4), (9, 6)), 2)
     ax = plot.exponent_field(field, per_time=True)

@@ -19,6 +19,7 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap.maps.tangent import tangent
+from cellmap.orbits.lyapunov_qr import is_positive
 
 
 def lorenz(t, x, p):
@@ -206,6 +207,12 @@ def test_the_figure():
     assert ax.get_ylabel() == "exponents per unit of time"
     assert curves[0].get_ydata() == pytest.approx(found.convergence[:, 0, 0] / found.period)
     plt.close("all")
+
+
+def test_evidence_of_chaos_is_above_five_errors_and_a_thousandth():
+    assert is_positive(np.array([0.0099, 0.0101, 0.0009, 0.0011]), np.array([2e-3, 2e-3, 0.0, 0.0])).tolist() == [
+        *(False, True, False, True)
+    ]
 
 
 @pytest.mark.thorough

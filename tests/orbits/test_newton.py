@@ -1,11 +1,15 @@
 """One Newton method: solutions of any multiplicity, errors of images, parameters that are held."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from cellmap import discrete_map
+from cellmap import discrete_map, periodic_orbit
 from cellmap.maps import swept_map
+from cellmap.orbits.multipliers import multipliers_of
 from cellmap.orbits.newton import newton, solutions
+from cellmap.orbits.orbit_equations import OrbitProblem
 
 
 @pytest.mark.parametrize("damped", [False, True])
@@ -59,3 +63,24 @@ def test_what_stops_falling_far_from_a_solution_is_none(damped):
     assert settled.sum() > 3000
     # The slope of T_3^8 is at least 3^8, so that it is known to rounding where cosines are.
     assert np.minimum(*apart).max() < 1e-9
+
+
+def test_orbits_begin_at_the_largest_of_the_points_that_are_nearest_to_the_origin():
+    """x -> x^3 - 2.2 x: the points +-sqrt(1.2) of the orbit of period two are equally near."""
+    odd = discrete_map(lambda x, p: (x[0] ** 3 - 2.2 * x[0],), {}, ("x",))
+    for guess in (1.1, -1.1):
+        assert periodic_orbit(odd, [guess], 2).points[:, 0] == pytest.approx([1.2**0.5, -(1.2**0.5)])
+
+
+def test_multipliers_of_two_by_two_matrices_are_their_eigenvalues():
+    matrices = np.random.default_rng(0).normal(size=(200, 2, 2))
+    found = multipliers_of(matrices, np.linalg.det(matrices))
+    assert np.sort_complex(found) == pytest.approx(np.sort_complex(np.linalg.eigvals(matrices)), abs=1e-10)
+    # The small one of 1e8 and 1e-8 is that of the determinant.
+    assert multipliers_of(np.array([[1e8, 1.0], [1.0, 2e-8]]), np.array(1.0)) == pytest.approx([1e8, 1e-8], rel=1e-12)
+
+
+def test_a_determinant_changes_its_sign_where_a_multiplier_passes_minus_one():
+    for entry in (-0.9, -1.1):
+        problem = SimpleNamespace(dimension=2, matrix=lambda _, entry=entry: np.diag([entry, 0.5]))
+        assert OrbitProblem.doublings(problem, None) == pytest.approx((entry + 1.0) * 1.5)

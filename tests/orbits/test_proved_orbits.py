@@ -84,6 +84,7 @@ def test_failures_are_no_numbers():
 def test_a_bound_that_is_not_known_contracts_nothing(monkeypatch):
     """Where the square of a derivative overflows, on some processors."""
     half = discrete_map(lambda x, p: (0.5 * x[0],), {}, ("x",))
-    assert contraction_balls(half, np.zeros((1, 1)), np.ones(1)) is not None
+    whole = contraction_balls(half, np.zeros((1, 1)), np.ones(1))
+    assert whole is not None and whole.radius == 0.5  # as wide as the extent, where nothing stops it
     monkeypatch.setattr(contraction, "stretch_above", lambda matrices: np.full(len(matrices.mid), np.nan))
     assert contraction_balls(half, np.zeros((1, 1)), np.ones(1)) is None

@@ -45,3 +45,12 @@ REFUSED = {
 def test_what_does_not_fit_is_refused(message):
     with pytest.raises(ValueError, match=message):
         REFUSED[message]()
+
+
+def test_memory_is_claimed_beforehand(monkeypatch):
+    monkeypatch.setattr("cellmap._lib.checks._ALWAYS_FREE", 0)
+    monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: 1000)
+    with pytest.raises(MemoryError, match=r"exponents of 35 initial conditions needs 1.12 kB.*take fewer cells"):
+        finite_time_exponents(HENON, CellGrid((-1.0, -1.0), (1.0, 1.0), (7, 5)), 1)
+    with pytest.raises(MemoryError, match=r"frames along 50 steps needs 4.8 kB.*take fewer periods"):
+        covariant_vectors(HENON, X, periods=20, transient=30)

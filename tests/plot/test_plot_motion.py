@@ -193,13 +193,14 @@ def test_a_gif_has_a_frame_for_every_so_many_samples(motion, tmp_path):
     with Image.open(tmp_path / "pendulum.GIF") as film:
         assert film.format == "GIF"
         assert film.n_frames == 5  # 49 samples
-        assert film.info["duration"] == 50
+        assert (film.info["duration"], film.width) == (50, 600)
     assert [p.name for p in tmp_path.iterdir()] == ["pendulum.GIF"]
     assert plt.get_fignums() == []
 
 
 def test_frames_show_rods_bobs_and_a_fading_trace(motion):
     film = plot.animate(motion, trace=5)
+    assert film._interval == pytest.approx(1000.0 / 30.0)
     film._draw_frame(20)
     (ax,) = plt.gcf().axes
     lines = [line.get_xydata() for line in ax.get_lines()]

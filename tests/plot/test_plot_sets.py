@@ -10,8 +10,10 @@ from matplotlib.colors import to_rgb
 import systems
 from cellmap import CellGrid, certify, discrete_map, find_basins, interpolated_map, plot, stroboscopic_map
 from cellmap.analysis import fit_line
+from cellmap.analysis.boundary import chaotic_saddle
 from cellmap.analysis.fractal import box_dimension, generalized_dimensions, kaplan_yorke_dimension
-from cellmap.basins import Evidence
+from cellmap.basins import Evidence, prove
+from cellmap.orbits import finite_time_exponents
 from cellmap.plot._basins import EVIDENCE_COLOURS
 from cellmap.sets import BoxSet, generalized_cell_mapping, morse_graph, simple_cell_mapping, transfer_operator
 from studies.known_fractals import cascade, koch
@@ -144,6 +146,35 @@ def test_dimensions_of_all_orders_and_sums_of_exponents():
     assert plot.fit(found[2]).get_ylabel() == "information of order 2"
     ax = plot.kaplan_yorke(kaplan_yorke_dimension([0.4, -1.6], [0.01, 0.01]))
     assert "1.25" in ax.get_legend().get_texts()[0].get_text()
+
+
+def test_proved_cells_and_balls_do_not_widen_the_window():
+    """The attractor (10, 0) of a contraction may be outside of the window, a slice of three dimensions."""
+    shift = discrete_map(lambda x, p: (x[0] / 2 + 5, x[1] / 2, x[2] / 2), {}, ("x", "y", "z"))
+    for window, cells in (((-1.0, 1.0, -1.0, 1.0), (6, 4, 1)), ((9.0, 11.0, 3.0, 5.0), (6, 2, 1))):
+        left, right, bottom, top = window
+        grid = CellGrid((left, bottom, 0), (right, top, 0), cells)
+        ax = plot.proof(prove(find_basins(shift, grid), splits=0))
+        assert (*ax.get_xlim(), *ax.get_ylim()) == window
+        assert ax.get_lines()[0].get_xydata() == pytest.approx(np.array([[10.0, 0.0]]), abs=1e-9)
+
+
+def test_chaotic_saddles_are_drawn_in_a_plane_or_against_their_images():
+    tent = discrete_map(lambda x, p: (1.5 - 3 * abs(x[0] - 0.5),), {}, ("x",))
+    (drawn,) = plot.chaotic_saddle(chaotic_saddle(tent, CellGrid((0,), (1,), (1,)), n_points=50)).get_lines()
+    x, after = drawn.get_xydata().T
+    assert after == pytest.approx(1.5 - 3 * np.abs(x - 0.5), abs=1e-6)
+    plane = discrete_map(lambda x, p: (1.5 - 3 * abs(x[0] - 0.5), x[1] / 4), {}, ("x", "y"))
+    ax = plot.chaotic_saddle(chaotic_saddle(plane, CellGrid((0, -1), (1, 1), (2, 2)), n_points=50))
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$x$", "$y$")
+
+
+def test_fields_of_exponents_are_per_step_unless_asked_for():
+    half_time = stroboscopic_map(systems.two_well_duffing())
+    field = finite_time_exponents(half_time, CellGrid((-1, -1), (1, 1), (3, 2)), 2)
+    assert np.asarray(plot.exponent_field(field).collections[0].get_array()).reshape(2, 3) == pytest.approx(
+        field.forward.T
+    )
 
 
 @pytest.fixture(scope="module")

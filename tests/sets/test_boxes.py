@@ -128,6 +128,14 @@ def test_adaptive_images_miss_nothing_of_a_linear_map(d):
     assert within.any() and image.contains(landed[within]).all()
 
 
+def test_lattices_never_have_fewer_points_than_they_begin_with(monkeypatch):
+    """However few are allowed: images of a strong stretching ask for many more."""
+    some, stretched = boxes(9, 10), discrete_map(lambda x, p: (6 * (x[0] + 0.4), x[1] / 2), {}, ("x", "y"))
+    whole = box_image(some, stretched)
+    monkeypatch.setattr("cellmap.sets.box_images._MOST", 1)
+    assert 0 < len(box_image(some, stretched)) <= len(whole)
+
+
 def test_transitions_of_middles_are_fractions():
     """x -> 2 x mod 1 sends each half of a box to a box of its own."""
     links = box_transitions(line(8), DOUBLE, samples=6).toarray()

@@ -73,6 +73,14 @@ REFUSED = {
 }
 
 
+def test_eigenvectors_claim_their_memory(monkeypatch):
+    operator = transfer_operator(line(3000), CUBIC, 2)
+    monkeypatch.setattr("cellmap._lib.checks._ALWAYS_FREE", 0)
+    monkeypatch.setattr("cellmap._lib.checks.memory_available", lambda: 1000)
+    with pytest.raises(MemoryError, match=r"eigenvectors of 3,000 boxes needs 1.15 MB .*: ask for fewer"):
+        operator.eigenvalues(4)
+
+
 @pytest.mark.parametrize("message", REFUSED)
 def test_what_is_wrong_is_named(message):
     with pytest.raises((ValueError, MemoryError), match=message):
