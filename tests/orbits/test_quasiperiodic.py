@@ -55,7 +55,7 @@ def test_a_curve_around_a_cylinder(omega, largest):
 
 
 def test_a_drift_close_to_a_resonance():
-    """Close to a quarter of a turn, by 1e-5 in each step."""
+    """Each step is off a quarter of a full rotation by 1e-5 of it."""
     near = CYLINDER.with_params(omega=0.25 + 1e-5)
     found = drift(near, near.iterate([0.3, 0.0], 200).points, np.full(2, 2 * pi))
     assert found.denominator == 4
