@@ -5,15 +5,14 @@ from math import cos, pi, sin, sqrt
 import numpy as np
 import pytest
 from branch_kinds import DOUBLING, FOLD, NEIMARK_SACKER, PITCHFORK, POINT
-from cases import branch_of, curve_of, henon_parameters, only, thorough
-from scipy.integrate import solve_ivp
+from cases import curve_of, henon_parameters, only, thorough
 
 from cellmap import discrete_map, stroboscopic_map
 from cellmap._lib.stopping import Stop, Stopped, heeding
-from cellmap.bifurcations import NewCurve, continue_bifurcation, switch_curve
+from cellmap.bifurcations import NewCurve, switch_curve
 from cellmap.maps import swept_map
 from cellmap.maps.parameters_as_states import Swept
-from systems import duffing_oscillator, van_der_pol_oscillator
+from systems import duffing_oscillator
 
 WIDE = (-2.0, 4.0), (-2.0, 2.0)
 UNIT = (-1.0, 1.0), (-1.0, 1.0)
@@ -163,34 +162,3 @@ def test_a_map_with_parameters_in_its_state_is_specified_once():
     swept = swept_map(stroboscopic_map(duffing_oscillator()), "frequency", "forcing").specified
     assert isinstance(swept, Swept)
     assert swept.vectorised is swept.vectorised
-
-
-def monodromy(frequency, forcing, state):
-    """Return the image of a state of van der Pol's oscillator after a period, and its derivative, by SciPy."""
-
-    def rhs(t, s):
-        x, v, rest = s[0], s[1], s[2:].reshape(2, 2)
-        slope = np.array([[0.0, 1.0], [-2.0 * x * v - 1.0, 1.0 - x * x]])
-        return [v, (1.0 - x * x) * v - x + forcing * cos(frequency * t), *(slope @ rest).ravel()]
-
-    start = [*state, 1.0, 0.0, 0.0, 1.0]
-    end = solve_ivp(rhs, (0.0, 2.0 * pi / frequency), start, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
-    return end[:2], end[2:].reshape(2, 2)
-
-
-@pytest.mark.thorough
-def test_resonances_of_the_forced_van_der_pol_oscillator():
-    """Points of codimension two on both borders of entrainment have the trace and the determinant of their kind."""
-    exact = stroboscopic_map(van_der_pol_oscillator(1.0, 1.0, 1.1), rtol=1e-11, atol=1e-11)
-    branch = branch_of(exact, exact.iterate([2.0, 0.0], 60).points, "frequency", 0.6, 1.6, step=0.05)
-    box = (0.6, 1.6), (0.05, 2.5)
-    folds = continue_bifurcation(branch, branch.of_kind(FOLD)[0], "forcing", *box, step=0.05)
-    turned = next(p for p in folds.codimension_two() if p.kind is POINT.RESONANCE_1_1 and p.values[0] > 1.0)
-    tori = switch_curve(folds, turned, *box, step=0.1)
-    assert [p.kind for p in folds.codimension_two()].count(POINT.CUSP) == 2
-    assert {p.kind for p in tori.codimension_two()} == set(TRACES) - {POINT.RESONANCE_1_2}
-    for point in tori.codimension_two():
-        image, matrix = monodromy(*point.values, point.point)
-        np.testing.assert_allclose(image, point.point, atol=1e-9)
-        assert np.trace(matrix) == pytest.approx(TRACES[point.kind], abs=1e-8)
-        assert np.linalg.det(matrix) == pytest.approx(1.0, abs=1e-8)

@@ -10,8 +10,7 @@ from cases import branch_of
 from cellmap import ForcedSystem, discrete_map, stroboscopic_map
 from cellmap.bifurcations import Criticality, normal_form
 from cellmap.maps import Impact
-from cellmap.maps.stroboscopic import Stroboscopic
-from systems import double_pendulum, logistic_map
+from systems import logistic_map
 
 
 def form(bifurcation):
@@ -165,16 +164,3 @@ def test_a_forced_flow_with_a_closed_form():
     (found,) = branch_of(exact, [0.0, 0.0], "growth", -0.2, 0.1).bifurcations
     assert found.value == pytest.approx(0.0, abs=1e-12)
     assert_meets(form(found), -2.0 * period * (1.0 + 1j * beta), "supercritical")
-
-
-@pytest.mark.thorough
-def test_higher_variational_equations_agree_with_differences_in_four_dimensions(monkeypatch):
-    """At 12.532158062 mm one state of the double pendulum is lost in a Neimark-Sacker bifurcation."""
-    exact = stroboscopic_map(double_pendulum(amplitude=12.532158062e-3), rtol=1e-12, atol=1e-12)
-    found = normal_form(exact, [0.0, pi, 0.0, 0.0], NEIMARK_SACKER)
-    monkeypatch.setattr(Stroboscopic, "curve_step", lambda *_: None)
-    other = normal_form(exact, [0.0, pi, 0.0, 0.0], NEIMARK_SACKER)
-    assert (found.exact, other.exact) == (True, False)
-    assert found.criticality is other.criticality is Criticality.SUPERCRITICAL
-    apart = complex(found.coefficient - other.coefficient, found.imaginary - other.imaginary)
-    assert abs(apart) < other.error < 1e-5 * abs(found.coefficient)

@@ -55,22 +55,6 @@ def test_the_power_that_is_dissipated_is_the_power_of_the_force(resonance):
     np.testing.assert_allclose(0.1 * resonance.measure("v", "norm") ** 2, lost, rtol=1e-12)
 
 
-def test_extreme_values_are_those_of_an_independent_integration(resonance):
-    spring = resonance.point_map.without_table.specified.system
-    high, low = resonance.measure("x"), resonance.measure("x", "minimum")
-    assert len(resonance.of_kind(FOLD)) == 2
-    for k in (0, 60, int(np.argmax(high)), len(high) - 1):
-        period = 2.0 * pi / resonance.values[k]
-        fun = spring.with_params(frequency=resonance.values[k]).fun
-
-        def velocity(t, y):
-            return y[1]
-
-        found = solve_ivp(fun, (0.0, period), resonance.points[k], "DOP853", rtol=1e-12, atol=1e-12, events=velocity)
-        turns = found.y_events[0][:, 0]
-        assert (high[k], low[k]) == pytest.approx((turns.max(), turns.min()), abs=1e-8)
-
-
 def test_points_of_discrete_orbits_stand_for_all_times():
     logistic = discrete_map(lambda x, p: (p.r * x[0] * (1.0 - x[0]),), {"r": 2.8}, ("x",))
     first = branch_of(logistic, [0.6], "r", 2.5, 3.4)

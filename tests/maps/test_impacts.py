@@ -274,20 +274,3 @@ def test_impacts_against_friction_accumulate():
         found = flow_map(steady, length, rtol=1e-11, atol=1e-11).iterate([0.9, 0.0], 1)
         assert found.status == Status.OK
         assert bool(np.abs(found.points - (1.0, 0.0)).max() < 1e-15) is at_rest
-
-
-@pytest.mark.thorough
-def test_derivatives_by_a_parameter_of_a_rest_on_a_wall_with_friction_are_differences_of_maps():
-    """The period is a function of parameters, of which the rate of the guard then is a multiple."""
-    wall = Impact(lambda t, x, p: 0.9 - x[0], lambda t, x, p: (x[0], -0.5 * x[1]))
-    system = replace(
-        PRESSED,
-        rhs=lambda t, x, p, s: (x[1], p.force * cos(p.omega * t) + 1.0 - x[0] - 0.2 * s[0]),
-        params={"force": 1.5, "omega": 0.7},
-        period=lambda p: 2 * pi / p.omega,
-        impacts=[wall],
-    )
-    exact, place, step = stroboscopic_map(system, rtol=1e-12, atol=1e-12), [0.792, 1.023], 1e-4
-    above, below = (exact.with_params(force=1.5 + h)(place) for h in (step, -step))
-    found = jacobian(swept_map(exact, "force"), [*place, 1.5])
-    assert found[:2, 2] == pytest.approx((above - below) / (2 * step), abs=1e-7)
