@@ -29,8 +29,6 @@ from cellmap import (
 from cellmap._lib.checkpoint import Checkpoint
 from cellmap._lib.tiles import completed
 
-dask, distributed = pytest.importorskip("dask"), pytest.importorskip("distributed")
-
 # What a cluster logs when it begins and when its workers die does not matter to these tests.
 pytestmark = [
     pytest.mark.filterwarnings("ignore::DeprecationWarning"),
@@ -49,12 +47,15 @@ WORKERS = {"threads_per_worker": 1, "dashboard_address": None}
 @pytest.fixture(scope="module", autouse=True)
 def patient():
     """A cluster gives up workers that are not back some seconds after they died: too few for a busy machine."""
+    dask, _ = pytest.importorskip("dask"), pytest.importorskip("distributed")
     with dask.config.set({"distributed.deploy.lost-worker-timeout": "1h"}):
         yield
 
 
 @pytest.fixture(scope="module")
 def client():
+    import distributed
+
     with distributed.LocalCluster(n_workers=2, **WORKERS) as cluster, distributed.Client(cluster) as client:
         yield client
 
@@ -62,6 +63,8 @@ def client():
 @pytest.fixture(scope="module")
 def lonely():
     """A cluster of one worker, for the tests that take it away, and its client."""
+    import distributed
+
     with distributed.LocalCluster(n_workers=1, **WORKERS) as cluster, distributed.Client(cluster) as client:
         yield cluster, client
 
@@ -272,6 +275,8 @@ def missing(number):
 
 def test_a_scheduler_that_is_lost_is_told_with_the_remedy():
     """In the middle of the work, and by a client that finds none any more."""
+    import distributed
+
     cluster = distributed.LocalCluster(n_workers=1, processes=False, protocol="tcp", **WORKERS)
     client = distributed.Client(cluster, timeout="0.5s")
 

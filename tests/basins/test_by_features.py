@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from sklearn.cluster import DBSCAN, KMeans
 
 import systems
 from cellmap import CellGrid, Label, PointMap, discrete_map, find_basins, plot, set_threads, stroboscopic_map
@@ -73,6 +72,8 @@ def cubic() -> PointMap:
 
 
 def test_terminated_orbits_keep_their_labels_and_estimators_are_ones_own() -> None:
+    from sklearn.cluster import DBSCAN, KMeans
+
     grid = CellGrid((-3,), (3,), (60,))
     # From within (-sqrt 3, sqrt 3) orbits come to -1 or 1; from beyond sqrt 5 they diverge.
     for clusterer in (None, DBSCAN(eps=0.5), KMeans(2, random_state=0)):
@@ -80,6 +81,8 @@ def test_terminated_orbits_keep_their_labels_and_estimators_are_ones_own() -> No
         x = grid.axis(0)
         assert (found.labels[np.abs(x) > 5**0.5] == Label.DIVERGED).all()
         assert np.array_equal(found.labels < 0, np.abs(x) > 5**0.5)
+    with pytest.raises(ValueError, match="give it a seed, random_state=0"):
+        classify_by_features(cubic(), grid, mean, KMeans(2))
         inner = np.abs(x) < 3**0.5
         assert len(set(found.labels[inner & (x > 0)])) == len(set(found.labels[inner & (x < 0)])) == 1
         assert sorted(points[-1, 0] for points in found.representatives) == pytest.approx([-1.0, 1.0])
@@ -119,7 +122,6 @@ def test_more_features_than_an_estimator_sees() -> None:
         ({"features": lambda orbit: orbit.points[-1][:, 0]}, r"features returned the shape \(20,\): return one of"),
         ({"features": lambda orbit: orbit.points[-1] - orbit.points[-1].mean()}, "depend on its own points only"),
         ({"features": lambda orbit: 1 / 0}, "features=.* fails, ZeroDivisionError"),
-        ({"clusterer": KMeans(2)}, "give it a seed, random_state=0"),
     ],
 )
 def test_contracts_are_checked(arguments: Any, message: str) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import xarray
 
 from cellmap import ForcedSystem, continue_orbit, discrete_map, periodic_orbit, stroboscopic_map
 from cellmap.bifurcations import (
@@ -31,6 +30,8 @@ def branch() -> Branch:
 
 
 def through_a_file(result: Any, path: Path, point_map: Any) -> Any:
+    import xarray
+
     result.to_xarray().to_netcdf(path, engine="h5netcdf")
     with xarray.open_dataset(path, engine="h5netcdf") as read:
         return from_xarray(read.load(), point_map)

@@ -14,7 +14,6 @@ from typing import ClassVar
 import h5py
 import numpy as np
 import pytest
-import xarray
 
 import systems
 from cellmap import (
@@ -105,6 +104,8 @@ def assert_same(found, expected):
 
 def through_a_file(tree, path, read=lambda file: None):
     """What is read off the file; every value, type and attribute in it is what was written, as xarray compares them."""
+    import xarray
+
     tree.to_netcdf(path, engine="h5netcdf")
     is_tree = isinstance(tree, xarray.DataTree)
     with (xarray.open_datatree if is_tree else xarray.open_dataset)(path, engine="h5netcdf") as file:
@@ -183,7 +184,7 @@ def with_attributes(tree, change):
     [
         (lambda tree: 3, r"^tree=3: give a DataTree"),
         (
-            lambda tree: xarray.Dataset({"labels": ("x", [0, 1])}),
+            lambda tree: type(tree.to_dataset())({"labels": ("x", [0, 1])}),
             r"record=None: give what to_xarray .* makes of one of Basins, ",
         ),
         (
@@ -400,6 +401,8 @@ def test_variables_attributes_and_a_table_follow():
 
 
 def test_it_is_read_by_its_types(tmp_path):
+    import xarray
+
     again = _Read(DECAY.to_xarray()).record(Decay)
     assert (again.name, again.parameter, again.bound) == ("rods", "my rate", 3.0)
     assert again.rate.dtype == np.float64 and again.ends.tolist() == [-1, -2]

@@ -11,7 +11,6 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-import xarray
 from PIL import Image
 from served_pages import DUFFING, WELLS, WINDOW, Page, assert_same_image, connected, push, upright
 
@@ -105,6 +104,8 @@ def test_files_are_of_basins_and_have_the_labels(page: Page, tmp_path: Any, monk
         (tmp_path / one["name"]).write_bytes(one["data"])
     basins = load_basins(tmp_path / image["name"])
     assert_same_image(frame, numbers, basins, upright)
+    import xarray
+
     with xarray.open_datatree(tmp_path / file["name"], engine="h5netcdf") as tree:
         np.testing.assert_array_equal(tree["labels"], basins.labels)
     monkeypatch.setitem(sys.modules, "xarray", None)

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from frozen_branches import DONE
-from random_programs import drawn
 from two_tiers import at_once
 
 from cellmap import ForcedSystem, Status, stroboscopic_map
@@ -14,6 +12,9 @@ STEPS = (0.02, 0.01, 0.002, 0.0004)  # of the reference: shorter ones where both
 
 def errors(seed: int, draws: int, orbits: int) -> tuple[list[float], int]:
     """Return the errors of good images, in tolerances, and how many only the reference has, with several draws."""
+    from frozen_branches import DONE
+    from random_programs import drawn
+
     rng = np.random.default_rng(seed)
     right_hand_side = drawn(rng)
     dimension, period = len(right_hand_side.rates), right_hand_side.period

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 import pytest
 
@@ -44,6 +43,8 @@ def test_redefined_helper_is_seen():
 
 
 def test_compiled_functions_are_taken():
+    import numba
+
     assert image(numba.njit(lambda t, x, p: (-x[0],)))[0] == pytest.approx(math.exp(-1.0), abs=1e-8)
     assert discrete_map(numba.njit(lambda x, p: (x[0] / 2,)), {}, ("x",))([1.0])[0] == 0.5
 

@@ -9,7 +9,6 @@ from math import cos
 from math import sin as sine
 from typing import Any
 
-import numba
 import numpy as np
 import pytest
 
@@ -75,7 +74,6 @@ def closed_countdown() -> Any:
 
 
 SIN, COS, FABS = (("sin", 1.0), ("cos", 1.0), ("fabs", 1.0))
-compiled = numba.njit(helper)
 COPIES: dict[str, tuple[Any, Any]] = {
     "however imported": (lambda x: (math.sin(x), maths.sin(x), sine(x), cos(x)), (SIN, SIN, SIN, COS)),
     "synonyms": (
@@ -93,8 +91,6 @@ COPIES: dict[str, tuple[Any, Any]] = {
     "a partial": (functools.partial(lambda a, x: (a, math.sin(x)), 2.0), (2.0, SIN)),
     "a method": (Oscillator().rhs, (3.0, SIN)),
     "an object": (Oscillator(), (3.0, COS)),
-    "a compiled function": (compiled, SIN),
-    "a helper that is compiled": (lambda x: compiled(x), SIN),
     "a name that shadows": (shadowed(), ("mine", 1.0)),
     "one that calls itself": (functools.partial(countdown, 3), SIN),
     "a closure that calls itself": (closed_countdown(), COS),
@@ -106,6 +102,14 @@ def test_copies_call_what_is_in_the_table(case: str) -> None:
     function, expected = COPIES[case]
     assert rebind(function, TABLE)(1.0) == expected
     assert case != "helpers and defaults" or function(1.0) == (math.sin(1.0), *3 * [math.cos(1.0)])
+
+
+def test_copies_of_compiled_functions_are_of_what_was_compiled() -> None:
+    import numba
+
+    compiled = numba.njit(helper)
+    for function in (compiled, lambda x: compiled(x)):
+        assert rebind(function, TABLE)(1.0) == SIN
 
 
 def test_each_copy_is_finished_innermost_first_and_calls_its_finished_self() -> None:

@@ -30,12 +30,12 @@ from studies.known_fractals import (
 
 @pytest.mark.parametrize("angle", [0.0, 0.2, 0.5, 1.1])
 @pytest.mark.parametrize(
-    ("points", "exact"),
-    [(line(100_001), 1.0), (cantor(14), CANTOR), (koch(10), KOCH), (cantor_square(10), 2.0 * CANTOR)],
+    ("made", "size", "exact"),
+    [(line, 100_001, 1.0), (cantor, 14, CANTOR), (koch, 10, KOCH), (cantor_square, 10, 2.0 * CANTOR)],
     ids=["line", "Cantor", "Koch", "Cantor squared"],
 )
-def test_known_sets(points, exact, angle):
-    found = box_dimension(points @ rotation_by(angle).T + [0.1234, 0.777], n_offsets=4)
+def test_known_sets(made, size, exact, angle):
+    found = box_dimension(made(size) @ rotation_by(angle).T + [0.1234, 0.777], n_offsets=4)
     assert found.dimension == pytest.approx(exact, abs=0.01)
     assert abs(found.dimension - exact) < 4.0 * found.standard_error
 

@@ -9,15 +9,17 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 from numpy.typing import NDArray
-from playwright.sync_api import Browser, Page, sync_playwright
 
 from cellmap.plot._colours import COLOURS
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 PROGRAM = os.environ.get("CELLMAP_BROWSER") or next(filter(None, map(shutil.which, NAMES)), None)
@@ -44,6 +46,8 @@ WHOLE = (
 @contextlib.contextmanager
 def launched() -> Iterator[Browser]:
     """Start a browser for tests, which are skipped where there is none."""
+    from playwright.sync_api import sync_playwright
+
     if PROGRAM is None:
         pytest.skip("no Chromium on this machine: install one, or name it in CELLMAP_BROWSER")
     with sync_playwright() as playwright:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import pytest
 from browser_pages import launched, opened
 from browser_systems import GALLERY
-from playwright.sync_api import Browser, Page
 
 from cellmap.explorer import Explorer
 from cellmap.explorer.serving import serve
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 
 @pytest.fixture(scope="module")

@@ -5,19 +5,21 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from browser_pages import after, along, assert_shown, at, choose, opened, pixels, press, put, saved, until
 from browser_systems import GALLERY, SWING, TURN, WELLS, WINDOW
 from PIL import Image
-from playwright.sync_api import Browser, Page
 
 from cellmap import find_basins, stroboscopic_map
 from cellmap.explorer import Explorer
 from cellmap.explorer.images import Images
 from cellmap.explorer.serving import serve
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 pytestmark = pytest.mark.thorough
 

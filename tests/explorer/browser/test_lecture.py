@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from browser_pages import LOG, after, along, assert_shown, at, opened, pixels, put, saved, until
 from browser_systems import GALLERY, SWING, TURN, WELLS, WINDOW
-from playwright.sync_api import Browser, Page
 
 from cellmap import find_basins, stroboscopic_map
 from cellmap.explorer import Explorer, export_html
 from cellmap.explorer.serving import serve
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 pytestmark = pytest.mark.thorough
 

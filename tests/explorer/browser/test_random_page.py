@@ -9,7 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import psutil
@@ -18,11 +18,13 @@ from browser_pages import WHOLE, after, along, choose, launched, opened, pixels,
 from browser_systems import GALLERY, SWING, WELLS
 from numpy.typing import NDArray
 from PIL import Image
-from playwright.sync_api import Browser, Page
 from test_random_use import TYPED, used
 
 from cellmap import CellGrid, find_basins, interpolated_map, stroboscopic_map
 from cellmap.explorer.serving import serve
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 MEBIBYTE = 2**20
 BUTTONS = (

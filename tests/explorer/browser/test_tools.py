@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -12,9 +12,11 @@ import pytest
 from browser_pages import after, along, assert_shown, at, canvas, choose, drawn, pixels, press, put, saved, until, write
 from browser_systems import WELLS, WINDOW
 from PIL import Image
-from playwright.sync_api import Page
 
 from cellmap import find_basins
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
 pytestmark = pytest.mark.thorough
 

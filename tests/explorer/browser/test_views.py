@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from browser_pages import after, assert_shown, at, drawn, limits, opened, pixels, put, until
 from browser_systems import PUSHED, SWING, TURN, WELLS, WINDOW
-from playwright.sync_api import Browser, Page
 
 from cellmap import CellGrid, Label, find_basins, stroboscopic_map
 from cellmap.basins import BasinFrame
 from cellmap.explorer import Explorer
 from cellmap.explorer.protocol import LOWEST
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 pytestmark = pytest.mark.thorough
 
