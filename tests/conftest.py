@@ -43,9 +43,10 @@ def pytest_configure(config: pytest.Config) -> None:
         folder = config.cache.mkdir("kernels")
         folder.chmod(0o700)
         os.environ["CELLMAP_CACHE_DIR"] = str(folder)
-    # Thousands of kernels run for a moment each: LLVM need not look for the best order of their instructions.  Results
-    # have the same bits, for each instruction stays what it is.
-    llvm.set_option("", "-enable-misched=false")
+    # Thousands of kernels run for a moment each: LLVM need not look for the best order of their instructions, nor for
+    # the best use of registers.  Results have the same bits, for each instruction stays what it is.
+    for option in ("-enable-misched=false", "-regalloc=basic", "-optimize-regalloc"):
+        llvm.set_option("", option)
     config.pluginmanager.register(Everywhere())
 
 
