@@ -273,6 +273,7 @@ def missing(number):
     raise FileNotFoundError("of the work")
 
 
+@pytest.mark.thorough
 def test_a_scheduler_that_is_lost_is_told_with_the_remedy():
     """In the middle of the work, and by a client that finds none any more."""
     import distributed
