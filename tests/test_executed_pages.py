@@ -5,7 +5,6 @@ from __future__ import annotations
 import code
 import importlib
 import importlib.util
-import json
 import operator
 import re
 import sys
@@ -82,24 +81,6 @@ def test_blocks_can_be_pasted_at_the_prompt(program):
             if not prompt.runsource(typed[:-1], "<prompt>", "single"):
                 typed = ""
     assert failed == []
-
-
-@pytest.mark.slow
-def test_notebooks_run_in_jupyter(tmp_path):
-    """The first tutorial, as the site offers it for downloading."""
-    client = pytest.importorskip("nbclient", reason="Jupyter is of no extra of this library")
-    nbformat = pytest.importorskip("nbformat")
-    pytest.importorskip("ipykernel")
-    pytest.importorskip("sphinx_gallery")
-    from sphinx_gallery import gen_gallery, notebook, py_source_parser
-
-    _, blocks = py_source_parser.split_code_and_text_blocks(DOCS / "tutorials" / "getting_started.py")
-    written = notebook.jupyter_notebook(blocks, gen_gallery.DEFAULT_GALLERY_CONF, str(DOCS))
-    book = nbformat.reads(json.dumps(written), as_version=4)
-    client.NotebookClient(book, timeout=200, resources={"metadata": {"path": str(tmp_path)}}).execute()
-    outputs = [output for cell in book.cells if cell.cell_type == "code" for output in cell.outputs]
-    assert sum("image/png" in output.get("data", {}) for output in outputs) == 8
-    assert not [output for output in outputs if output.get("name") == "stderr"]
 
 
 def test_examples_are_short():

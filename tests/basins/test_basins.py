@@ -25,8 +25,6 @@ from cellmap.basins.label_store import basins_memory
 from cellmap.maps import ToleranceWarning
 from cellmap.maps.coordinates import difference
 
-# --- symmetry
-
 
 @pytest.mark.parametrize("parameters", [(0.5, 0.1, 0.03), (-0.1, 0.545, 0.2), (0.1, 0.545, 0.08)])
 def test_vertically_driven_pendulum_has_mirrored_basins(parameters):
@@ -109,9 +107,6 @@ def test_an_attractor_outside_the_window_of_a_table_keeps_its_basin():
             np.where(left, -0.957504, 0.957504)[initial_conditions], abs=1e-6
         )
     assert np.array_equal(certify(kept).basins.labels, kept.labels)
-
-
-# --- far initial conditions do not spoil the near ones
 
 
 @pytest.mark.filterwarnings("error")

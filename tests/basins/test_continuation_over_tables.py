@@ -31,23 +31,21 @@ def table(function=wells, **params):
     return interpolated_map(discrete_map(function, {"h": 0.08, "tilt": 0.0, **params}, ("x", "y")), WINDOW)
 
 
+def by_side(count, attractors):
+    """Return the counts of the attractors on the left and on the right, by labels of all attractors."""
+    sides = {k: int(a.points[0, 0] > 0) for k, a in attractors.items()}
+    return [sum(count[k] for k, s in sides.items() if s == side) for side in (0, 1)]
+
+
 def alone(point_map, name, values):
-    """Return the counts of each attractor at each value, by the side on which it is, from a search at each value."""
-    counts = []
-    for value in values:
-        basins = find_basins(point_map.with_params(**{name: value}), PLACES)
-        sides = [int(a.points[0, 0] > 0) for a in basins.attractors]
-        counts.append([sum(basins.fractions[k].count for k, s in enumerate(sides) if s == side) for side in (0, 1)])
-    return counts
+    """Return the same counts at each value, from a search at that value."""
+    found = [find_basins(point_map.with_params(**{name: value}), PLACES) for value in values]
+    return [by_side({k: f.count for k, f in b.fractions.items()}, dict(enumerate(b.attractors))) for b in found]
 
 
 def counts_by_side(sweep):
-    found = []
-    for row, attractors in zip(sweep.counts, sweep.attractors, strict=True):
-        by_label = dict(zip(sweep.labels, row.tolist(), strict=True))
-        sides = {k: int(a.points[0, 0] > 0) for k, a in attractors.items()}
-        found.append([sum(by_label[k] for k, s in sides.items() if s == side) for side in (0, 1)])
-    return found
+    rows = zip(sweep.counts.tolist(), sweep.attractors, strict=True)
+    return [by_side(dict(zip(sweep.labels, row, strict=True)), attractors) for row, attractors in rows]
 
 
 VALUES = np.linspace(0.08, 0.088, 40)

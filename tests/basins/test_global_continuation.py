@@ -209,9 +209,6 @@ def test_arguments_and_a_result_to_resume_have_to_fit(tilted_sweep, message):
         continue_basins(**(given | {"resume": replace(tilted_sweep, params={"d": 0.0})} | UNFIT[message]))
 
 
-# --- figures
-
-
 def test_figure(tilted_sweep):
     upper, lower = plot.basin_continuation(tilted_sweep)
     assert len(upper.collections) == 2

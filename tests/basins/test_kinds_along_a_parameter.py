@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import systems
-from cellmap import CellGrid, ForcedSystem, PointMap, discrete_map, find_basins, interpolated_map, stroboscopic_map
+from cellmap import CellGrid, ForcedSystem, PointMap, discrete_map, find_basins, stroboscopic_map
 from cellmap.basins import LiveBasins
 from cellmap.orbits import Kind
 
@@ -68,14 +68,6 @@ WALKS: dict[str, tuple[Callable[[], PointMap], CellGrid, str, Sequence[float]]] 
     ),
     "limit cycle": (lambda: flow(van_der_pol, 1.0, mu=1.0), SQUARE, "mu", (1.0, -0.5, 1.0)),
     "two wells": (lambda: flow(two_wells, 2 * pi, g=0.2), SQUARE, "g", (0.2, 0.3, 0.25)),
-    "two wells, interpolated": (
-        lambda: interpolated_map(
-            flow(two_wells, 2 * pi, g=0.2), CellGrid((-2.5, -2.5), (2.5, 2.5), (96, 96)), tolerance=1e-2
-        ),
-        SQUARE,
-        "g",
-        (0.1, 0.3),
-    ),
 }
 
 

@@ -174,9 +174,6 @@ def test_attractors_are_sought_from_some_four_thousand_cells():
     assert _coarse(CellGrid((0.0,) * 13, (1.0,) * 13, (3,) * 13)).shape == (2,) * 13
 
 
-# --- basins recomputed
-
-
 @pytest.mark.parametrize("given", [GRID, np.random.default_rng(0).uniform(-1, 1, (3, 5, 2))], ids=["grid", "points"])
 @pytest.mark.parametrize("by_table", [False, True])
 def test_basins_are_recomputed_from_a_file(given, by_table, tmp_path):
@@ -188,8 +185,6 @@ def test_basins_are_recomputed_from_a_file(given, by_table, tmp_path):
     assert dict(again.settings) == dict(first.settings)
     assert (again.point_map.table is not None) == by_table
 
-
-# --- what does not fit together
 
 RENAMED = discrete_map(lambda x, p: (tanh(p.a * x[0]), 0.5 * x[1]), {"a": 1.5}, ("x", "z"))
 DOUBLING = discrete_map(lambda x, p: (2.0 * x[0] + 1.0,), {}, ("x",))
@@ -218,9 +213,6 @@ REFUSED = {
 def test_what_does_not_fit_together(message, basins):
     with pytest.raises((TypeError, ValueError), match=message):
         REFUSED[message](basins)
-
-
-# --- attractors in files
 
 
 def test_tori_in_files(basins, tmp_path):

@@ -60,30 +60,6 @@ def test_counts_by_interpolated_cell_mapping(pendulum, order):
     assert np.count_nonzero(by_table.labels != basins.labels) <= 5
 
 
-PANELS = [(a, w) for w in (100.0, 500.0) for a in (0.0, 0.002, 0.003, 0.004, 0.010)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("amplitude", "speed"), [*PANELS, (None, 4.0)])
-def test_figure_19_by_table_and_by_direct_integration(amplitude, speed):
-    """500 x 500 cells: no pixel differs where the boundary is smooth, at 10 mm at most 0.3 %.
-
-    The last is the inverted pendulum.  At 10 mm a pair of rotations by half a circle a period owns 1 cell in 4,000, and
-    both methods see it.
-    """
-    system = systems.driven_pendulum(amplitude=amplitude) if amplitude else INVERTED
-    exact = stroboscopic_map(system)
-    icm, grid = interpolated_map(exact, circle_grid(speed, 512), outside="integrate"), circle_grid(speed, 500)
-    found = [find_basins(point_map, grid) for point_map in (icm, exact)]
-    assert (found[0].labels != found[1].labels).mean() <= (0.003 if amplitude == 0.010 else 0.0)
-    for basins in found if (amplitude, speed) == PANELS[-1] else ():
-        small = {k: a for k, a in enumerate(basins.attractors) if abs(a.rotation_number[0]) == 0.5}
-        assert sorted(a.rotations for a in small.values()) == [(-1, 0), (1, 0)]
-        assert all(a.period == 2 for a in small.values())
-        assert sum(basins.fractions[k].count for k in small) == pytest.approx(10 * 6.25, abs=2 * 6.25)
-        assert basins.labels.min() == 0
-
-
 # --- published or independently recomputed shares (REFERENCES.md)
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from cellmap import Basins, CellGrid, discrete_map, find_basins, plot, stroboscopic_map, trajectory
 from cellmap.basins import symmetric_groups
-from systems import power_grid, ring_of_wells, two_well_duffing
+from systems import two_well_duffing
 
 mpl.use("Agg")
 
@@ -51,16 +51,6 @@ def test_wells_on_a_ring_are_necklaces() -> None:
     assert sum(widths) == pytest.approx(1.0)
     plt.close(ax.figure)
     assert found.to_dataframe()["sizes"].tolist() == found.sizes.tolist()
-
-
-@pytest.mark.thorough
-def test_formulas_of_flows_tell_symmetries() -> None:
-    basins = find_basins(stroboscopic_map(ring_of_wells(2, forcing=0.0)), np.eye(4)[[0, 1]])
-    assert symmetric_groups(basins).symmetries == ("all signs", "shift of 2")
-    grid = find_basins(stroboscopic_map(power_grid((0.0, 0.0), ((0, 1), (0, 2)), damping=1.0)), np.zeros((1, 4)))
-    assert symmetric_groups(grid).symmetries == ("all signs", "shift of 2")
-    other = find_basins(stroboscopic_map(power_grid((0.1, 0.0), ((0, 1), (0, 2)), damping=1.0)), np.zeros((1, 4)))
-    assert symmetric_groups(other).symmetries == ()
 
 
 @pytest.mark.thorough

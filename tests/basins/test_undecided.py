@@ -147,9 +147,6 @@ def test_sweeps_are_bounded_where_each_decides_one_more(sweeps, monkeypatch) -> 
     assert len(basins.attractors) == _REPEATS
 
 
-# --- what is a chaotic attractor, and what is not
-
-
 def test_chaos_that_fades_is_no_attractor() -> None:
     """From a = 1.4 down to 0.2, where a fixed point attracts: chaotic for a while, and periodic later."""
     fades = FADING.with_params(above=0.2, range=1.2, keep=0.9995)

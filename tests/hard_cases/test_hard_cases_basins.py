@@ -172,9 +172,6 @@ def test_unstable_solutions_are_not_examined(monkeypatch):
     assert examined == []
 
 
-# --- a bifurcation of the report's system (case 8)
-
-
 def test_inverted_state_just_after_it_gains_stability():
     """At 2.35 mm its multiplier is 0.987: a small basin, found from a coarse grid."""
     basins = find_basins(strobe(amplitude=0.00235), CellGrid((-pi, -100.0), (pi, 100.0), (60, 60)))

@@ -15,8 +15,6 @@ from cellmap import (
     stroboscopic_map,
 )
 
-# --- numbers beyond all bounds (case 16)
-
 
 def test_blow_up_in_finite_time():
     """x' = x^2 reaches infinity at t = 1/x: beyond x = 1 within the first period, later from smaller ones."""

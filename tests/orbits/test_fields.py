@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import systems
-from cellmap import CellGrid, discrete_map, find_basins, plot, set_threads, stroboscopic_map
+from cellmap import CellGrid, discrete_map, plot, set_threads, stroboscopic_map
 from cellmap._compiled.kernels.stretching import append_steps
 from cellmap.maps import jacobian
 from cellmap.orbits import finite_time_exponents
@@ -53,19 +53,6 @@ def test_the_way_back_is_that_of_the_inverse_map():
     field = finite_time_exponents(henon, grid, 3)
     values = np.linalg.svd(jacobian(inverse, field.images, 3), compute_uv=False)
     assert field.backward == pytest.approx(np.log(values[..., 0]) / 3.0, rel=1e-9)
-
-
-@pytest.mark.thorough
-def test_ridges_lie_on_the_basin_boundary():
-    """Two damped wells without a force: cells beside the separatrix part faster than all but a few others."""
-    strobe = stroboscopic_map(systems.two_well_duffing(damping=0.3, forcing=0.0))
-    grid = CellGrid((-1.5, -1.0), (1.5, 1.0), (60, 40))
-    field = finite_time_exponents(strobe, grid, 2)
-    labels = find_basins(strobe, grid).labels
-    beside = np.zeros(labels.shape, bool)
-    beside[:-1] |= labels[:-1] != labels[1:]
-    beside[:, :-1] |= labels[:, :-1] != labels[:, 1:]
-    assert np.median(field.forward[beside]) > np.quantile(field.forward[~beside], 0.95)
 
 
 def test_orbits_that_end_have_no_exponent():

@@ -119,26 +119,6 @@ def test_where_derivatives_are_not_known():
     np.testing.assert_allclose(orbit.points[0], [response.real, (1j * response).real], atol=1e-7)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("step", "window"),
-    [
-        (lambda x, p: (4.0 * x[0] * (1.0 - x[0]),), (-0.01, 1.01)),
-        (lambda x, p: (1.0 - 2.0 * x[0] ** 2,), (-1.01, 1.01)),
-    ],
-)
-def test_orbits_of_long_periods_of_full_parabolas(step, window):
-    # Both maps are conjugate to the tent map of slope 2: the number of orbits of period n is that of binary Lyndon
-    # words, and every multiplier is 2^n but that of the fixed point at the end of the interval, 4.
-    parabola = discrete_map(step, {}, ("x",))
-    found = find_periodic_orbits(parabola, CellGrid((window[0],), (window[1],), (20_000,)), longest_period=11)
-    assert Counter(o.period for o in found) == dict(
-        zip(range(1, 12), (2, 1, 2, 3, 6, 9, 18, 30, 56, 99, 186), strict=True)
-    )
-    sizes = [abs(o.multipliers[0]) / 2.0**o.period for o in found]
-    assert sorted(sizes)[:-1] == pytest.approx([1.0] * (len(sizes) - 1), rel=1e-7)
-
-
 @pytest.mark.parametrize(
     ("a", "b", "extent", "cells", "longest"),
     [(6.0, 0.3, 4.0, 150, 7), pytest.param(10.0, -1.0, 5.0, 250, 6, marks=pytest.mark.thorough)],

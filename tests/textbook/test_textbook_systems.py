@@ -136,15 +136,6 @@ def test_labels_are_those_of_scipy(name, number, late, allowed):
 # --- closed forms and published numbers
 
 
-def test_inverted_pendulum_stands():
-    """Kapitza's condition for the upright position: shake^2/2 above gravity, in units of the frequency."""
-    still = [a for a in basins_of("inverted pendulum").attractors if not any(a.rotations)]
-    places = [tuple(np.round(a.points[0], 9)) for a in still]
-    assert 0.4**2 / 2 > 0.02
-    assert (0.0, 0.0) in places
-    assert any(abs(abs(x) - np.pi) < 1e-6 for x, _ in places)
-
-
 def test_boost_converter_in_closed_form():
     """A linear system in either position of the switch: the fixed point of the product of both flows."""
     system, _ = ALL["boost converter"]

@@ -219,9 +219,6 @@ def test_of_very_many_that_are_left_a_part_is_searched(plain, tmp_path, monkeypa
     assert_same(CASES["undecided"](), plain["undecided"])
 
 
-# --- rows by bits
-
-
 @pytest.mark.parametrize("block", [8, 64, 2**20])
 @pytest.mark.parametrize("total", [1, 7, 8, 63, 64, 65, 1000])
 @pytest.mark.parametrize("fraction", [0.0, 0.02, 0.5, 1.0])

@@ -1,4 +1,4 @@
-"""Runs with a checkpoint that are killed or interrupted, in processes of their own."""
+"""Files of runs with a checkpoint: those of others, of dead processes, and where there is no room for them."""
 
 from __future__ import annotations
 
