@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cellmap import load_basins, stroboscopic_map
-from studies import _chains, double_stability, figure_18, figure_20, flipping_basins, triple_stability
+from studies import _chains, double_stability, figure_20, flipping_basins, triple_stability
 
 
 @pytest.mark.parametrize("ratio", [0.25, 1.0, 4.0])
@@ -149,17 +149,3 @@ def test_rotations_and_swings_of_twice_the_period(tmp_path: Path, capsys: pytest
     rows = re.findall(r"([\d.]+) \+- [\d.]+ %  Attractor\(fixed point", said)
     expected = 100.0 * np.array([1286, 596, 976, 742]) / 3600  # those of the test above, on a grid of other cells
     assert [float(r) for r in rows] == pytest.approx(expected, abs=0.6)
-
-
-@pytest.mark.slow
-def test_swings_of_the_inverted_pendulum() -> None:
-    """The report: within 0.12 rad at 35 Hz and 0.05 rad at 45 Hz."""
-    result = figure_18.compute(2)
-    for found in result.releases.values():
-        assert [found.swing(f) for f in (35.0, 45.0)] == pytest.approx([0.12, 0.05], abs=1e-5)
-        assert 1.0 < found.amplitude / result.limits[35.0] < 1.05
-    assert result.strong_ratio < 0.12 / 0.05
-    for frequency, seen in figure_18.SEEN.items():
-        low, high = result.tilted.ranges[frequency]
-        assert -low == pytest.approx(seen, rel=1e-3)
-        assert high < 0.0
