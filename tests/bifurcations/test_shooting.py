@@ -48,6 +48,10 @@ def test_orbits_are_in_segments_before_deviations_become_large(saddle):
     """The multiplier is 286 at the end of one interval, where single steps serve, and 3,533 at that of the other."""
     ends = [branch_of(saddle, [1.0, 0.0], "rate", 0.1, last, step=0.3) for last in (0.9, 1.3)]
     assert [in_segments(branch) for branch in ends] == [False, True]
+    place = ends[1]._parts[1].first + 1
+    value = float(ends[1].values[place : place + 2].mean())
+    (zero,) = ends[1].with_zeros({"here": lambda t, x, p: p.rate - value}).special_points
+    assert zero.value == pytest.approx(value, rel=1e-12)
 
 
 @pytest.mark.parametrize("most", [1, 2, 3])
