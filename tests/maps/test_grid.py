@@ -14,9 +14,7 @@ from cellmap import (
     Coordinate,
     ForcedSystem,
     angle,
-    discrete_map,
     find_basins,
-    interpolated_map,
     load_basins,
     plot,
     save_basins,
@@ -143,18 +141,3 @@ def test_a_slice_is_where_it_is_said_to_be(tmp_path):
     assert (ax.get_ylabel(), ax.get_title()) == ("$v$", "wells, $z$ = 0.5")
     assert uncertainty_exponent(basins, max_pairs=5000).dimension == 2
     assert image_uncertainty_exponent(basins).dimension == 2
-
-
-@pytest.mark.filterwarnings("ignore:.*fallback cells")
-def test_error_of_a_table_is_that_of_its_interpolated_cells():
-    """A step in every cell leaves nothing to measure; one at 0 leaves the other cells, whose map is linear."""
-    for jumps, fallback in ((True, True), (False, False)):
-        exact = discrete_map(
-            lambda x, p, jumps=jumps: (0.5 * x[0] + (np.floor(737.3 * x[0]) if jumps else 0.0), 0.5 * x[1]),
-            {},
-            ("x", "y"),
-        )
-        error = interpolated_map(exact, CellGrid((-1, -1), (1, 1), (20, 20))).error(1000)
-        assert (error.fallback == 1000, error.points == 0, np.isnan(error.largest)) == (fallback,) * 3
-        assert error.fallback + error.points == 1000
-        assert fallback or error.largest < 1e-12

@@ -115,6 +115,9 @@ def test_error_counts_the_points_that_have_an_image():
     error = half.error(20_000)
     assert error.fallback > 0.4 * 20_000  # no image, and beside the edge
     assert error.points + error.fallback == 20_000
+    stairs = discrete_map(lambda x, p: (np.floor(737.3 * x[0]),), {}, ("x",))
+    nothing = interpolated_map(stairs, CellGrid((-1.0,), (1.0,), (20,))).error(1000)
+    assert (nothing.points, nothing.fallback, np.isnan(nothing.largest)) == (0, 1000, True)
 
 
 @pytest.mark.parametrize(("outside", "max_step"), [("escape", 1), ("integrate", 1), ("integrate", 4)])

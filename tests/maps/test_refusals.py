@@ -40,6 +40,7 @@ PARAMS = {"delta": 0.15, "gamma": 0.2, "omega": 2.0}
 SPEED = lambda t, x, p: (x[1],)  # noqa: E731
 BLOCK = {"rhs": lambda t, x, p, s: (x[1], -0.3 * s[0]), "switches": SPEED}
 DRIVEN, HENON = two_well_duffing(), henon_map()
+PENDULUM = stroboscopic_map(driven_pendulum())
 SLICE = CellGrid((-2, 0.5), (2, 0.5), (20, 1))
 SQUARE, BALL = CellGrid((-1.0, -1.0), (1.0, 1.0), (8, 8)), Impact(lambda t, x, p: x[0], lambda t, x, p: (x[0], -x[1]))
 MATRIX = np.array([[0.0, 0.3], [0.2, 0.0]])
@@ -215,6 +216,7 @@ VALUES = (
     (lambda: swept_system(DRIVEN), r"parameters=.*: give the names of one or several different parameters"),
     (lambda: swept_system(DRIVEN, "nothing"), r"parameters='nothing': .*damping"),
     (lambda: rebuild_map(DRIVEN, {"kind": "discrete"}), "cannot be rebuilt from .*: give its system"),
+    (lambda: rebuild_map(driven_pendulum(frequency=40.0), PENDULUM.recipe), r"period 0\.025.*: give the same par"),
     # enclosures
     (lambda: enclosed(mapping(lambda x, p: (abs(x[0]), x[1]))), "fabs is not enclosed"),
     (lambda: enclosed(mapping(lambda x, p: (x[0] if x[0] > 0 else 1.0, x[1]))), "a branch is not enclosed"),
