@@ -5,7 +5,7 @@ from math import cos, sin
 import numpy as np
 import pytest
 from branch_kinds import DOUBLING, FOLD, NEIMARK_SACKER, POINT
-from cases import curve_of, delayed_logistic, only
+from cases import curve_of, only
 from scipy.optimize import root
 
 from cellmap import discrete_map
@@ -67,29 +67,6 @@ def test_orbits_of_four_times_the_period(henon_curves, new):
         guess = np.append(found.points[k], alpha)
         other = root(lambda v, beta=beta: residual(new.kind, v, beta), guess + 1e-6, tol=1e-14)
         np.testing.assert_allclose(other.x, guess, atol=2e-8)
-
-
-@pytest.mark.thorough
-def test_folds_of_the_delayed_logistic_map_end_in_the_window_of_the_logistic_map():
-    """The delay is in a part c; without it the window of period 4 of the logistic map begins at the fold found here."""
-    box = (1.2, 8.0), (0.0, 1.2)
-    curve = curve_of(delayed_logistic(), [0.6, 0.6], NEIMARK_SACKER, "rc", box, step=0.03)
-    start = only(curve, POINT.RESONANCE_1_4)
-    assert start.new_curves == (NewCurve(FOLD, 4), NewCurve(FOLD, 4, 1))
-    ends = []
-    for new in start.new_curves:
-        found = switch_curve(curve, start, *box, step=0.03, new_curve=new)
-        assert found.ends == ("1:4 resonance", "left the intervals")
-        ends.append(found.values[-1])
-    (window,) = (r for r, c in ends if c == 0.0)
-
-    def fold(v):
-        x, slope = v[0], 1.0
-        for _ in range(4):
-            x, slope = v[1] * x * (1.0 - x), v[1] * (1.0 - 2.0 * x) * slope
-        return [x - v[0], slope - 1.0]
-
-    assert window == pytest.approx(root(fold, [0.5, 3.96], tol=1e-14).x[1], abs=1e-8)
 
 
 @pytest.mark.thorough
