@@ -5,8 +5,6 @@ brought back to some thousands wherever they are kept, and indices are remainder
 what it returns is compared in every bit; numbers that are not (NaN) are equal.
 """
 
-from __future__ import annotations
-
 import ast
 import importlib.util
 import math

@@ -1,7 +1,5 @@
 """Processes that are forked while other threads compile, make maps or import modules can do so too."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

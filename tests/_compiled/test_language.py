@@ -1,7 +1,5 @@
 """The limits of the language of loops, as its table in docs/architecture.md states them."""
 
-from __future__ import annotations
-
 import ast
 import math
 import re
@@ -175,9 +173,7 @@ def test_a_step_of_zero_is_an_error() -> None:
 
 
 @pytest.mark.parametrize("line", ["a[0:4] = np.ones(2)", "one, other = a[:3]", "return a[-n:].size"])
-def test_lengths_that_differ_are_seen_where_indices_are_checked(
-    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_lengths_that_differ_are_seen_where_indices_are_checked(line, tmp_path, monkeypatch):
     monkeypatch.setattr(loops, "CHECKED", True)
     with pytest.raises(IndexError, match="index outside of its array"):
         run(made([line], tmp_path, "checked"))

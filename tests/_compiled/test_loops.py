@@ -1,7 +1,5 @@
 """Loops that are compiled once: their arguments, their errors, and processes that find them compiled."""
 
-from __future__ import annotations
-
 import threading
 from collections import namedtuple
 from pathlib import Path

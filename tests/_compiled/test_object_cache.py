@@ -1,7 +1,5 @@
 """Compiled code on disk: what is damaged, foreign or open to others is never loaded."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import re

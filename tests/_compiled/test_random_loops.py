@@ -1,7 +1,5 @@
 """Random functions, compiled and in plain Python: equal in every bit, or refused with file and line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -24,9 +22,7 @@ def test_random_functions(first: int, tmp_path: Path, monkeypatch: pytest.Monkey
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(10_000, 10_000 + MANY, 100))
 @pytest.mark.parametrize("checked", [True, False])
-def test_thousands_of_random_functions(
-    first: int, checked: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_thousands_of_random_functions(first, checked, tmp_path, monkeypatch):
     monkeypatch.setattr(random_loops.loops, "CHECKED", checked)
     for seed in range(first, first + 100):
         kind, wrong = differences(Writer(seed + 50 * checked).text(), tmp_path, f"random_{seed}", range(8))

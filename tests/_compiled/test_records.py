@@ -1,7 +1,5 @@
 """Named tuples in the language of loops: made, nested, handed on, returned and changed as in Python."""
 
-from __future__ import annotations
-
 import ctypes
 from pathlib import Path
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """The language of loops: whatever Python makes of a function, compiled code makes of it too."""
 
-from __future__ import annotations
-
 import importlib
 import itertools
 import math
@@ -197,9 +195,7 @@ def test_what_is_not_in_the_language_is_refused_with_its_line(function: Any, giv
         Loop(function)(given)
 
 
-def test_a_file_that_was_changed_after_it_was_imported_is_not_compiled(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_that_was_changed_after_it_was_imported_is_not_compiled(tmp_path, monkeypatch):
     """What would be compiled is not what was imported."""
     monkeypatch.setenv("CELLMAP_CACHE_DIR", str(tmp_path / "kernels"))  # an earlier test may have compiled it
     monkeypatch.syspath_prepend(tmp_path)

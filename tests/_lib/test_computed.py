@@ -1,7 +1,5 @@
 """Properties that are computed once: kept, one for all threads, and without a lock."""
 
-from __future__ import annotations
-
 import threading
 
 from cellmap._lib.computed import computed_once

@@ -1,7 +1,5 @@
 """Whatever writes a file goes by one rule: it replaces files alone, follows links, and writes whole or not at all."""
 
-from __future__ import annotations
-
 import errno
 import os
 import socket

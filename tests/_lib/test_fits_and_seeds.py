@@ -1,7 +1,5 @@
 """Lines, their windows and errors against elementary formulas; seeds and generators."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import linregress, t

@@ -1,7 +1,5 @@
 """What is announced is an upper bound of what is used, and what there is no memory for is refused before it begins."""
 
-from __future__ import annotations
-
 import tracemalloc
 from collections.abc import Callable
 from math import inf

@@ -1,7 +1,5 @@
 """Intervals of arrays against exact arithmetic of fractions, with each term of their radii left out in turn."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Zeros and extrema of many functions at once, against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq

@@ -1,7 +1,5 @@
 """The thread pool."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Work in tiles: on threads and on a cluster, the same bits; maps that travel to other processes."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import signal

@@ -1,7 +1,5 @@
 """Pages without a browser, and the systems that they are served."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 from collections.abc import Callable, Iterator

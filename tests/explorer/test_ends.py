@@ -1,7 +1,5 @@
 """Work that is cancelled or bounded, ports, failures in words, numbers of attractors; watchers and prepared views."""
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import json

@@ -1,7 +1,5 @@
 """What the explorer offers: every reference system, with equations that are typeset as they are computed."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import math

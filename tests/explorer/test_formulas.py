@@ -1,7 +1,5 @@
 """Typed equations are systems; formulas call what the compiler knows; mistakes are shown where they are."""
 
-from __future__ import annotations
-
 import math
 from math import cos, pi
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The explorer without a server: sessions behind messages of a host, the page in one file, the notebooks' widget."""
 
-from __future__ import annotations
-
 import base64
 import json
 import queue

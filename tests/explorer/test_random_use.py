@@ -1,7 +1,5 @@
 """Random use of the explorer by several pages at once: storms, garbage, reconnects, systems that diverge or fail."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import gc

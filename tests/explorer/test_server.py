@@ -1,7 +1,5 @@
 """The explorer's server, over real connections: its images are the library's, and it serves nobody but its page."""
 
-from __future__ import annotations
-
 import io
 import sys
 import threading

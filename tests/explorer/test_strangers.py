@@ -1,7 +1,5 @@
 """Who is served by the explorer's server, and what is understood; strangers who hold connections keep nobody out."""
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import json
@@ -207,9 +205,7 @@ def test_the_head_of_a_request_has_its_time(shared: Explorer, monkeypatch: pytes
         page.ping().wait(5.0)
 
 
-def test_somebody_with_the_address_of_watchers_takes_no_more_than_these_may(
-    shared: Explorer, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_somebody_with_the_address_of_watchers_takes_no_more_than_these_may(shared, monkeypatch):
     """Beyond 2 watchers there are as many who are told that they are too many, and need not listen, as guests."""
     monkeypatch.setattr("cellmap.explorer.connections.open_files", lambda: 64)
     place, token = str(shared.watch_address).split("/")[2:4]

@@ -1,19 +1,13 @@
 """The equation of a chain of pendulums with its mass matrix."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
-
-from cellmap import ForcedSystem
 
 LINKS = (0.11, 0.07, 0.05, 0.13, 0.09, 0.06, 0.1, 0.08)
 MASSES = (0.3, 0.5, 0.2, 0.7, 0.4, 0.25, 0.35, 0.45)
 
 
-def dense(
-    system: ForcedSystem, links: int, up: float, aside: float, joints: NDArray[np.float64], x: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def dense(system, links, up, aside, joints, x):
     """Accelerations by M q'' = F of REFERENCES.md, with the angular accelerations at the joints given."""
     length = np.array([system.params[f"length_{i + 1}"] for i in range(links)])
     mass = np.array([system.params[f"mass_{i + 1}"] for i in range(links)])

@@ -1,7 +1,5 @@
 """Effective potentials and their wells against closed formulas, quadrature and multipliers of fast drives; releases."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import acos, asin, cos, inf, pi, sin, sqrt
 from typing import Any

@@ -1,7 +1,5 @@
 """Motions of chains of pendulums: small ones, periods, limits of masses, energy, damping and friction."""
 
-from __future__ import annotations
-
 from itertools import product
 from math import pi
 

@@ -1,7 +1,5 @@
 """What every factory of a reference system must meet.  A new one is found by itself."""
 
-from __future__ import annotations
-
 import functools
 import importlib
 import inspect

@@ -1,7 +1,5 @@
 """Drives: the acceleration of the pivot is what it is said to be, and is the second derivative of its place."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import asin, cos, pi, sin
 from typing import Any

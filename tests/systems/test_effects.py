@@ -1,7 +1,5 @@
 """Friction, springs and torques at the joint; energies; compound pendulums."""
 
-from __future__ import annotations
-
 from itertools import permutations
 from math import cos, pi, sin
 from typing import Any

@@ -1,7 +1,5 @@
 """The pendulum above three magnets: its energy, its symmetry and its three basins."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin, sqrt
 
 import numpy as np

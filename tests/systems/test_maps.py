@@ -1,7 +1,5 @@
 """Discrete maps, against closed forms and the numbers of REFERENCES.md."""
 
-from __future__ import annotations
-
 from math import cos, log, pi, sin
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Systems on networks: lines, buses, special cases with known equations, and what they leave unchanged."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The vertically driven pendulum, against the numbers of tests/REFERENCES.md."""
 
-from __future__ import annotations
-
 from math import pi, sin, sqrt
 
 import numpy as np
@@ -10,7 +8,7 @@ from scipy.special import ellipk
 
 from cellmap import stroboscopic_map
 from cellmap.maps import jacobian
-from systems import dimensionless_parameters, dimensionless_pendulum, driven_pendulum, physical_parameters
+from systems import dimensionless_pendulum, driven_pendulum
 
 W = 2.0 * pi * 50.0
 
@@ -32,20 +30,6 @@ def test_the_map_of_one_period() -> None:
     assert strobe([1.0, 0.1 * W]) / [1.0, W] == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("amplitude", "beta"), [(0.002, 0.0735294), (0.003, 0.1102941), (0.004, 0.1470588), (0.010, 0.3676471)]
-)
-def test_dimensionless_parameters(amplitude: float, beta: float) -> None:
-    scaled = dimensionless_parameters(length=0.0272, amplitude=amplitude, frequency=50.0, damping=10.0)
-    assert scaled == {
-        "alpha": pytest.approx(0.00365054264594, rel=1e-11),
-        "beta": pytest.approx(beta, abs=5e-8),
-        "gamma": pytest.approx(0.0318309886, rel=1e-9),
-    }
-    physical = {"length": 0.0272, "amplitude": amplitude, "frequency": 50.0, "damping": 10.0, "gravity": 9.8}
-    assert physical_parameters(**scaled, length=0.0272, frequency=50.0) == pytest.approx(physical, rel=1e-14)
-
-
 def test_rotations() -> None:
     """At 3 mm two rotations in step with the drive, mirror images of each other."""
     strobe = stroboscopic_map(driven_pendulum(), rtol=1e-12, atol=1e-12)
@@ -65,9 +49,7 @@ def test_rotations() -> None:
         (-0.1, 0.545, 0.2, (2.18475, 1.18826), 1, 1),
     ],
 )
-def test_attractors_of_the_literature(
-    alpha: float, beta: float, gamma: float, point: tuple[float, float], period: int, rotations: int
-) -> None:
+def test_attractors_of_the_literature(alpha, beta, gamma, point, period, rotations):
     """REFERENCES.md gives five decimals; rotations come in mirrored pairs."""
     strobe = stroboscopic_map(dimensionless_pendulum(alpha, beta, gamma))
     for sign in (1.0, -1.0):

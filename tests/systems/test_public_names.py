@@ -1,7 +1,5 @@
 """What `systems` offers: loaded when it is used first, and under names that no module hides."""
 
-from __future__ import annotations
-
 import pkgutil
 import subprocess
 import sys

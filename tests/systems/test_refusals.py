@@ -1,7 +1,5 @@
 """What the systems and the laboratory refuse: a call, and the words of its error, a line each."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cache

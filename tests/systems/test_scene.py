@@ -1,9 +1,7 @@
 """Scenes: only the effects that are present are in the kernel."""
 
-from __future__ import annotations
-
 from collections import Counter
-from dataclasses import FrozenInstanceError, dataclass, fields
+from dataclasses import FrozenInstanceError, fields
 from math import cos, pi, sin
 from typing import Any
 
@@ -50,9 +48,7 @@ def kernel_text(system: ForcedSystem, method: str = "DOP853") -> str:
         ((), {}, {}),
     ],
 )
-def test_an_absent_effect_leaves_nothing_behind(
-    effects: tuple[systems.Effect, ...], in_lanes: dict[str, int], before_lanes: dict[str, int]
-) -> None:
+def test_an_absent_effect_leaves_nothing_behind(effects, in_lanes, before_lanes):
     """Operations of the lane loop are those of the effects present; the drive's cosine stands before it."""
     system = systems.scene(systems.Pendulum(0.0272), *effects, period=0.02)
     assert operations(system, STATEFUL) == in_lanes
@@ -97,12 +93,6 @@ def test_the_kernel_is_that_of_a_right_hand_side_written_by_hand() -> None:
     assert advance[0] is advance[1]
 
 
-def test_equal_structures_share_their_right_hand_side() -> None:
-    assert systems.driven_pendulum(amplitude=0.002, damping=3.0).rhs is systems.driven_pendulum().rhs
-    assert systems.driven_pendulum(damping=0.0).rhs is not systems.driven_pendulum().rhs
-    assert systems.dimensionless_pendulum().rhs is not systems.driven_pendulum().rhs
-
-
 def test_a_sweep_compiles_nothing() -> None:
     stroboscopic_map(systems.driven_pendulum())([1.0, 0.0])
     compiled = machine_code.cache_info().misses
@@ -110,27 +100,6 @@ def test_a_sweep_compiles_nothing() -> None:
         for frequency in (30.0, 60.0):
             stroboscopic_map(systems.driven_pendulum(amplitude=amplitude, frequency=frequency))([1.0, 0.0])
     assert machine_code.cache_info().misses == compiled
-
-
-@dataclass(frozen=True)
-class Spring(systems.Effect):
-    """Torsion spring, an effect as a user would add it."""
-
-    stiffness: float
-
-    @property
-    def terms(self) -> systems.Terms:
-        return systems.Terms(joint=lambda t, angle, rate, p: -p.stiffness * sin(angle))
-
-    @property
-    def vanishes(self) -> bool:
-        return self.stiffness == 0.0
-
-
-def test_a_new_effect_is_one_record() -> None:
-    system = systems.scene(systems.Pendulum(2.0), systems.Gravity(4.0), Spring(3.0), period=1.0)
-    assert system.params == {"length": 2.0, "gravity": 4.0, "stiffness": 3.0}
-    assert system.derivative(0.0, (0.5, 1.0)) == pytest.approx((1.0, -5.0 * sin(0.5)), rel=1e-15)
 
 
 def test_parts_are_records() -> None:

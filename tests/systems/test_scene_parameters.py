@@ -1,7 +1,5 @@
 """Scenes with several effects of a kind, and with a number for each joint, against equations written by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, pi, sin

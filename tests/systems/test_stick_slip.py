@@ -1,7 +1,5 @@
 """The mass on a moving belt: exact motions, where steady sliding is stable, and the vibrations beyond."""
 
-from __future__ import annotations
-
 from math import asin, cos, exp, pi, sin, sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Units: every part in other units and back, and the same orbits in both."""
 
-from __future__ import annotations
-
 from math import pi, sqrt
 from typing import Any
 

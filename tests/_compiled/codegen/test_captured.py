@@ -1,7 +1,5 @@
 """What functions read besides their arguments."""
 
-from __future__ import annotations
-
 import functools
 import types
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """What is compiled for right-hand sides with many comparisons: it grows with their number, and loses nothing."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from math import cos, sin

@@ -1,7 +1,5 @@
 """Graphs of expressions: nothing twice, nothing without effect."""
 
-from __future__ import annotations
-
 import math
 import operator
 from collections import Counter

@@ -1,7 +1,5 @@
 """A trace replaces its function only where it says the same."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The table of elementary functions: each entry in maps, derivatives, series and branches, against mpmath."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Steps of large systems: those of small ones, in code that does not grow with the number of nodes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import cos, pi, sin, tanh
 from typing import Any

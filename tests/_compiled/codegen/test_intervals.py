@@ -1,7 +1,5 @@
 """Intervals in lanes: exact bounds of arithmetic, values of mpmath for functions, and every rounding term needed."""
 
-from __future__ import annotations
-
 import ctypes
 import math
 import re

@@ -1,7 +1,5 @@
 """Machine code from formulas: the same instructions for all processors, and the meaning that the formulas have."""
 
-from __future__ import annotations
-
 import ctypes
 import io
 import math

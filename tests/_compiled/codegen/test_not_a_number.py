@@ -1,7 +1,5 @@
 """NaN in formulas: NumPy's functions keep it, Python's max and min go by order, comparisons with it do not hold."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Random formulas: values and gradients against mpmath, in vectors of lanes beside neighbours of all sizes."""
 
-from __future__ import annotations
-
 import math
 import random
 from typing import Any

@@ -1,7 +1,5 @@
 """Copies of functions that see other elementary functions."""
 
-from __future__ import annotations
-
 import functools
 import math
 import math as maths

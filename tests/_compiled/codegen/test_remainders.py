@@ -1,7 +1,5 @@
 """Remainders and quotients in one application of a map are those of Python, to the bit."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Runge-Kutta steps: order of convergence, agreement with SciPy's own step, error estimates."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from math import cos, pi, sin
@@ -9,20 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import DOP853, RK45
 
 from cellmap import ForcedSystem
-from cellmap._compiled.codegen.kernel import PeriodKernel, flow_kernel
+from cellmap._compiled.codegen.kernel import flow_kernel
 from cellmap._compiled.codegen.runge_kutta import Tableau
 from cellmap._compiled.codegen.tableaus import dop853, rk45
 from cellmap._compiled.kernels.blocks import LANES
 from cellmap._compiled.machine_code import vector_width
 
 
-def images(
-    kernel: PeriodKernel, system: ForcedSystem, initial_conditions: Any, steps: int, length: float | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def images(kernel, system, initial_conditions, steps, length=None):
     """Images after `steps` equal steps from t = 0, and the summed error estimates; at most one block."""
     block = np.zeros((1, system.dimension, LANES))
     block[0, :, : len(initial_conditions)] = initial_conditions.T
@@ -95,9 +90,7 @@ def test_order_of_convergence_on_the_linear_oscillator(method: str, order: int, 
 
 @pytest.mark.parametrize(("method", "order", "steps"), [("RK45", 5, 256), ("DOP853", 8, 32)])
 @pytest.mark.parametrize("form", ["traced", "untraced"])
-def test_order_of_convergence_on_the_driven_pendulum(
-    method: str, order: int, steps: int, form: str, request: pytest.FixtureRequest, precise_images: list[dict[str, Any]]
-) -> None:
+def test_order_of_convergence_on_the_driven_pendulum(method, order, steps, form, request, precise_images):
     system = request.getfixturevalue(form)
     rows = [r for r in precise_images if r["problem"] == "vertically driven"]
     initial_conditions, exact = (np.array([r[key] for r in rows]) for key in ("start", "image"))

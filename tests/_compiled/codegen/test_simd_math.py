@@ -1,7 +1,5 @@
 """Elementary functions of the lanes, against mpmath."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Compiled kernels: the loop over lanes is vector code, without a call."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Mapping
@@ -66,9 +64,7 @@ def text_of(traced: Any, method: str, parameters: int = 0) -> str:
 @pytest.mark.parametrize(
     ("name", "method"), [("pendulum, 3 mm", "DOP853"), ("pendulum, 3 mm", "Taylor"), ("double pendulum", "DOP853")]
 )
-def test_the_lane_loop_is_vector_code_without_a_call(
-    problems: Mapping[str, ForcedSystem], name: str, method: str
-) -> None:
+def test_the_lane_loop_is_vector_code_without_a_call(problems, name, method):
     system = problems[name]
     assembly = assembly_of(system.rhs, system.dimension, tuple(system.params), method)
     loops = [loop for loop in innermost_loops(assembly) if loop.packed > 100]

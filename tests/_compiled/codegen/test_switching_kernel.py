@@ -1,7 +1,5 @@
 """Kernels of discontinuous right-hand sides: roots of events, and loops over lanes that are vector code."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,9 +1,7 @@
 """Taylor steps: every recurrence, and the order."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -29,9 +27,7 @@ def step(traced: Trace, initial_condition: list[float], t: float, h: float, para
     return block[0, :, 0], errors[0, :, 0]
 
 
-def exact(
-    function: Callable[..., Any], initial_condition: list[float], t: float, h: float, parameters: list[float]
-) -> Any:
+def exact(function, initial_condition, t, h, parameters):
     """Image after time h by SciPy's DOP853 in eight small steps or more, right to rounding."""
     p = parameter_record(("k",))(*parameters)
     options = {"method": "DOP853", "rtol": 3e-14, "atol": 1e-16, "max_step": 0.125 * h}

@@ -1,7 +1,5 @@
 """Right-hand sides run once on symbols."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import operator

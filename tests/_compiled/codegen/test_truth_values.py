@@ -1,7 +1,5 @@
 """Arithmetic of comparisons: what Python makes of it, or an error that says what to write."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import cos, sin
 from typing import Any

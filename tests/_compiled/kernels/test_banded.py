@@ -1,7 +1,5 @@
 """Systems with a band matrix, against NumPy's solutions with the full one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 A case is made so that the exact result lies beyond a limit by less than a unit in the last place.
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import product
 from math import inf, nextafter, sqrt

@@ -1,7 +1,5 @@
 """All that is public and can be called, with arguments that each call takes."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import re

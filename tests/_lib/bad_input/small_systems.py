@@ -1,7 +1,5 @@
 """Small systems, and what is found of them, that the calls of public functions are given."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Whatever public functions are given: a result, or an error that names an argument."""
 
-from __future__ import annotations
-
 import inspect
 import itertools
 import re

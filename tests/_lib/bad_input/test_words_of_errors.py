@@ -1,7 +1,5 @@
 """Arguments that errors name, ``word=``, are arguments of whatever public function ends in the error."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 from collections import defaultdict

@@ -8,7 +8,6 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -171,9 +170,7 @@ def compared(page: Page, browser: Browser, number: int, draw: random.Random) -> 
     ("seconds", "number"),
     [pytest.param(4.0, 6, marks=pytest.mark.thorough), pytest.param(600.0, 200, marks=pytest.mark.slow)],
 )
-def test_random_use_of_the_page(
-    seconds: float, number: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_random_use_of_the_page(seconds, number, tmp_path, capsys):
     """Memory is compared after three tenths of the time, when everything has been loaded and compiled once.
 
     The page that has seen all this shows true pixels thereafter, at one change after another; so does a film.

@@ -1,7 +1,5 @@
 """Films of turning rods, and how far tracks are from the truth."""
 
-from __future__ import annotations
-
 from math import pi
 from typing import Any
 
@@ -17,9 +15,7 @@ CAMERA = Camera(scale=1000.0, origin=(80.0, 80.0), shape=(160, 160))
 CENTRE = (80.0, 80.0)
 
 
-def rotating_rods(
-    lengths: tuple[float, ...], initial_angles: tuple[float, ...], rates: tuple[float, ...], swing: float = 0.0
-) -> Any:
+def rotating_rods(lengths, initial_angles, rates, swing=0.0):
     """Rods (m) that turn evenly (rad, rad/s), the pivot at the height swing cos(2 pi 9 t), for 1 s."""
 
     def positions(t: float, x: Any, p: Any) -> tuple[float, ...]:

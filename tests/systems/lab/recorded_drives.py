@@ -1,7 +1,5 @@
 """Records of drives, and how far what was recovered is from the truth."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

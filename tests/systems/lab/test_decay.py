@@ -1,7 +1,5 @@
 """Decay profiles: the parabola, kinds of damping identified, and the natural frequency."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import pi, sin, sqrt, tanh
 

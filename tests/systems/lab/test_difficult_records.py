@@ -1,7 +1,5 @@
 """Records with gaps, late clocks, saturation, dead times and aliases; records that are refused."""
 
-from __future__ import annotations
-
 from math import inf, pi
 from typing import Any
 

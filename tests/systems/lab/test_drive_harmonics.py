@@ -1,7 +1,5 @@
 """Harmonics of recovered drives, and their peak-to-peak values."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

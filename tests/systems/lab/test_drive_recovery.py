@@ -1,7 +1,5 @@
 """Drives from records of an accelerometer: exact ones, faults, and standard errors over seeds of the noise."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import pi
 

@@ -1,7 +1,5 @@
 """Errors of places that are widened by their own scatter."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

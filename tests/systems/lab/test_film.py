@@ -1,7 +1,5 @@
 """Films, the camera, synthetic recordings, and films in files."""
 
-from __future__ import annotations
-
 import sys
 from math import pi
 from pathlib import Path

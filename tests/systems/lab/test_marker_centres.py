@@ -1,7 +1,5 @@
 """Centres of markers: their errors, thresholds, and smears of fast markers."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

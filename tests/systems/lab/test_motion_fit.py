@@ -1,7 +1,5 @@
 """Parameters from measured motions, with truth known: values, errors, gaps, wrong models."""
 
-from __future__ import annotations
-
 from math import cos, pi
 from typing import Any
 
@@ -215,9 +213,7 @@ def test_dry_friction_of_a_short_swing() -> None:
 
 
 @pytest.mark.thorough
-def test_parameters_that_the_motion_does_not_tell_are_named(
-    film: tuple[NDArray[np.float64], NDArray[np.float64]],
-) -> None:
+def test_parameters_that_the_motion_does_not_tell_are_named(film):
     """A pendulum tells gravity over length alone."""
     times, angles = film
     with pytest.warns(UserWarning, match=r"length=0\.\d+ \+- .*, gravity=.*does not tell it from zero; fit fewer"):

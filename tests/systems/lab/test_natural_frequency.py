@@ -1,7 +1,5 @@
 """The natural frequency from half swings of any width, under any damping."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -66,9 +64,7 @@ def test_a_half_swing_that_loses_amplitude_is_longer(kind: str, amplitude: float
     "damping", [(1.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 5.0, 0.0), (0.0, 0.0, 0.3), (0.3, 1.0, 0.0)], ids=str
 )
 @pytest.mark.parametrize("noise", [0.0, 0.003])
-def test_strong_damping_is_within_the_error(
-    amplitude: float, damping: tuple[float, float, float], noise: float
-) -> None:
+def test_strong_damping_is_within_the_error(amplitude, damping, noise):
     """Up to a quarter of the amplitude in a half swing; viscous damping, friction and drag, and two of them at once."""
     viscous, dry, quadratic = damping
     small = min(amplitude, 1.0)

@@ -1,7 +1,5 @@
 """Angles, rates and circles against motions known exactly."""
 
-from __future__ import annotations
-
 import re
 from math import pi
 from typing import Any
@@ -15,9 +13,7 @@ from systems.lab import MarkerStatus, Tracks, fit_circle, joint_angles
 PIVOT = (30.0, 20.0)
 
 
-def tracks_of(
-    times: Any, angles: Any, length: float = 50.0, noise: float = 0.0, hidden: Any = (), seed: int = 0
-) -> Tracks:
+def tracks_of(times, angles, length=50.0, noise=0.0, hidden=(), seed=0):
     """Tracks of a chain of rods of one length whose first pivot is at PIVOT, with normal errors."""
     rng = np.random.default_rng(seed)
     angles = np.asarray(angles).reshape(len(times), -1)
@@ -204,9 +200,7 @@ def test_points_without_a_circle(points: Any, error: str) -> None:
 @pytest.mark.thorough
 @pytest.mark.parametrize(("window", "degree"), [(7, 3), (9, 3), (7, 2), (11, 4)])
 @pytest.mark.parametrize(("fast", "noise"), [(12.0, 0.02), (46.0, 0.005), (46.0, 0.1), (90.0, 0.02)])
-def test_errors_of_rates_hold_what_a_polynomial_cannot_follow(
-    window: int, degree: int, fast: float, noise: float
-) -> None:
+def test_errors_of_rates_hold_what_a_polynomial_cannot_follow(window, degree, fast, noise):
     """From noise alone to 400 times that: 14 frames a swing are too few for parabolas, and for seven frames cubics."""
     times, squares, allowed = np.arange(400) / 200.0, [], []
     angle, rate = 0.5 * np.cos(fast * times), -0.5 * fast * np.sin(fast * times)

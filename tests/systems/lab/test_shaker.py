@@ -1,7 +1,5 @@
 """Amplitudes from volts: the report's formula, its inverse, its errors against random draws, and bad input."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

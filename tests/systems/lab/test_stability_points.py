@@ -1,7 +1,5 @@
 """Measured points of a stability curve: files, volts, comparison with known curves, and the experiment on a model."""
 
-from __future__ import annotations
-
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -160,22 +158,3 @@ def test_bad_experiments_are_refused(lower: float, upper: float, more: dict[str,
     system = driven_pendulum(length=SHORT_ROD, damping=2.5)
     with pytest.raises(ValueError, match=message):
         lab.measure_least_amplitudes(system, [25.0], lower, upper, **{"step": 0.05, "cycles": 200, **more})
-
-
-def test_a_table_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "points.csv"
-    lab.write_stability_points(lab.StabilityPoints(np.array([15.0]), np.array([8.0e-3])), path)
-    before = path.read_bytes()
-
-    def full(*_: object) -> None:
-        raise OSError("no space left")
-
-    monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(OSError, match="no space left"):
-        lab.write_stability_points(lab.StabilityPoints(np.array([20.0]), np.array([6.0e-3])), path)
-    assert path.read_bytes() == before
-    assert [p.name for p in tmp_path.iterdir()] == ["points.csv"]
-    with pytest.raises(FileNotFoundError, match="make it first"):
-        lab.write_stability_points(
-            lab.StabilityPoints(np.array([20.0]), np.array([6.0e-3])), tmp_path / "none" / "points.csv"
-        )

@@ -1,7 +1,5 @@
 """Series, their noise, and the extremes of free swings, against damped cosines whose extremes are known."""
 
-from __future__ import annotations
-
 from math import atan2, cos, pi
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tracks of markers against the truth of synthetic films."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

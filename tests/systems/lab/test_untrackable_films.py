@@ -1,7 +1,5 @@
 """Films that cannot be tracked, and frames that are missing, constant or repeated."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
