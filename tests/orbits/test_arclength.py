@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellmap.orbits.arclength import Box, both_ways, corrected, trace
+from cellmap.orbits.arclength import Box, both_ways, continuation_steps, corrected, trace
 
 
 def circle(unknowns):
@@ -32,3 +32,16 @@ def test_a_step_that_is_refused_is_repeated_shorter():
     assert end == "closed"
     steps = np.linalg.norm(np.diff([p.unknowns for p in places], axis=0), axis=1)
     assert steps.max() <= 0.02 and len(places) > 2 * np.pi / 0.02
+
+
+def test_a_zero_on_a_step_is_located():
+    """Where x is 0.2 on the circle, by interpolation, and where (x - 0.2)^3 is 0, which takes longer."""
+    start = corrected(circle, np.array([0.0, -1.0]), np.array([1.0, 0.0]))
+    step = next(continuation_steps(circle, start, 0.5, np.zeros(2, bool)))
+    for power in (1, 3):
+        place = step.located(lambda p, power=power: (p.unknowns[0] - 0.2) ** power)
+        assert place.unknowns == pytest.approx([0.2, -(0.96**0.5)], abs=1e-5 if power == 3 else 1e-12)
+    assert step.where(0, 0.2).unknowns == pytest.approx([0.2, -(0.96**0.5)], abs=1e-12)
+    middle = step.at(0.5 * step.length)
+    assert step.since(middle).length == pytest.approx(middle.tangent @ (step.end.unknowns - middle.unknowns))
+    assert step.interpolated(0.25).unknowns == pytest.approx(0.75 * start.unknowns + 0.25 * step.end.unknowns)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cellmap import discrete_map
+from cellmap.maps import swept_map
 from cellmap.maps.coordinates import as_coordinates
 from cellmap.orbits import ellipsoids
 from cellmap.orbits.ellipsoids import ParameterRegions
@@ -57,3 +58,24 @@ def test_points_are_owned_by_the_first_ellipsoid_that_holds_them():
     points = np.array([[0.4], [1.4], [0.6], [5.2], [5.0], [9.0]])
     found = rows.owners(points, np.array([0, 0, 0, 2, 1, 0]), as_coordinates(["x"]))
     assert found.tolist() == [3, 4, 4, 7, -1, -1]
+
+
+def test_regions_around_an_orbit_end_where_it_no_longer_attracts():
+    """a x + x^3/2 with a = 0.5 contracts for abs(x) < 1, to the mean of 1 and a from 2^-0.5 on, at two parameters."""
+    cubic = discrete_map(lambda x, p: (p.a * x[0] + 0.5 * x[0] ** 3,), {"a": 0.5}, ("x",))
+    orbit = np.array([[[0.0, 0.5]], [[0.0, 0.1]]])
+    found = ellipsoids.regions_around(
+        swept_map(cubic, "a"), orbit, np.array([[[[0.5]]], [[[0.1]]]]), np.ones(2, int), np.arange(2), np.array([16.0])
+    )
+    assert found.owner.tolist() == [0, 1] and found.has_any(3).tolist() == [True, True, False]
+    # Half-widths are 4 over powers of two: 0.5 < 2^-0.5 is the largest; with a = 0.1 it is 0.5 < 0.9^0.5 as well.
+    assert ellipsoids.half_widths(found.metric)[:, 0] == pytest.approx([0.5, 0.5])
+    assert found.renumbered(np.array([1]), 2).owner.tolist() == [-1, 0]
+
+
+def test_products_of_steps_begin_at_each_point():
+    steps = np.random.default_rng(0).normal(size=(3, 2, 2))
+    found = ellipsoids.products(steps, 3)
+    assert found[1] == pytest.approx(steps[0] @ steps[2] @ steps[1])
+    around = ellipsoids.monodromy_of(steps[None], np.array([3]), np.zeros(3, int), np.arange(3))
+    assert around == pytest.approx(found)

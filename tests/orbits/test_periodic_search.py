@@ -6,7 +6,17 @@ from math import cos, exp, pi, sin
 import numpy as np
 import pytest
 
-from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_periodic_orbits, periodic_orbit, stroboscopic_map
+from cellmap import (
+    CellGrid,
+    ForcedSystem,
+    angle,
+    continue_orbit,
+    discrete_map,
+    find_periodic_orbits,
+    periodic_orbit,
+    stroboscopic_map,
+)
+from cellmap.bifurcations import switch_branch
 from cellmap.orbits import OrbitKind, jury_margins
 from systems import henon_map, standard_map
 
@@ -172,3 +182,19 @@ def test_an_attractor_in_coarse_cells():
     assert np.abs(orbit.multipliers).max() < 1.0
     settled = strobe.iterate([1.0, 0.0, 1.0, 0.0], 400).points
     np.testing.assert_allclose(orbit.points[0], settled, atol=1e-8)
+
+
+def test_the_equations_of_orbits_along_a_branch_of_henons_map():
+    """Born at a = -(1 - b)^2/4, where it folds; doubled at 3 (1 - b)^2/4, from where a branch of period two goes."""
+    b, henon = 0.3, henon_map(0.2, 0.3)
+    branch = continue_orbit(henon, periodic_orbit(henon, [0.5, 0.2]), "a", -0.2, 0.6, step=0.1, max_points=40)
+    near = np.abs(branch.points[:, 0]) < 10.0
+    a, x = branch.values[near], branch.points[near, 0]
+    assert 1 - a * x * x + b * x == pytest.approx(x, abs=1e-10)
+    roots = np.sort_complex([np.roots([1.0, 2 * q * y, -b]) for q, y in zip(a, x, strict=True)])
+    assert np.sort_complex(branch.multipliers[near]) == pytest.approx(roots, abs=1e-8)
+    assert [found.value for found in branch.bifurcations] == pytest.approx([-0.1225, 0.3675], abs=1e-10)
+    doubled = switch_branch(branch, branch.bifurcations[-1], 0.3, 0.9)
+    orbit = doubled.orbits_at(0.8)[0]
+    assert np.linalg.det(orbit.matrix) == pytest.approx(b**2)
+    assert orbit.points.sum(axis=0)[0] == pytest.approx((1 - b) / 0.8)  # the sum of both points is (1 - b)/a
