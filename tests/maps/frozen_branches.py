@@ -17,7 +17,7 @@ from numba.extending import register_jitable
 from numpy.typing import NDArray
 from scipy.integrate._ivp import dop853_coefficients as dop853
 
-STATE, TIME, CONST, ADD, SUB, MUL, SIN, COS, TANH, SIDE, CELL, SELECT = range(12)
+STATE, TIME, CONST, ADD, SUB, MUL, SIN, TANH, SIDE, CELL, SELECT = range(11)
 DONE, TWO_SURFACES, TOO_MANY, LOST = range(4)
 
 _A = np.ascontiguousarray(dop853.A[:12, :12])
@@ -55,11 +55,11 @@ class Program:
         )
 
     def image(
-        self, period: float, place: NDArray[np.float64], step: float = 0.02
+        self, period: float, place: NDArray[np.float64], step: float, compiled: bool
     ) -> tuple[NDArray[np.float64], int, int]:
-        """Return where a period leads, what became of the orbit, and the number of events."""
+        """Return where a period leads, what became of the orbit, and the number of events; compiling takes 15 s."""
         program = (self.operations, self.operands, self.ends, self.levels, self.dimension)
-        return _compiled_image(program, period, place.copy(), step)  # type: ignore[no-any-return]
+        return (_compiled_image if compiled else _image)(program, period, place.copy(), step)  # type: ignore[no-any-return]
 
 
 @register_jitable(error_model="numpy")
@@ -97,10 +97,6 @@ def _value(program, part, t, x, f, sides, stack):
             v = stack[n - 1, 0]
             stack[n - 1, 0] = np.sin(v)
             stack[n - 1, 1] *= np.cos(v)
-        elif op == COS:
-            v = stack[n - 1, 0]
-            stack[n - 1, 0] = np.cos(v)
-            stack[n - 1, 1] *= -np.sin(v)
         elif op == TANH:
             v = np.tanh(stack[n - 1, 0])
             stack[n - 1, 0] = v

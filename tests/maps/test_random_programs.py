@@ -7,10 +7,10 @@ from two_tiers import at_once
 from cellmap import ForcedSystem, Status, stroboscopic_map
 
 TOLERANCE = 1e-9
-STEPS = (0.02, 0.01, 0.002, 0.0004)  # of the reference: shorter ones where both differ
+STEPS = (0.05, 0.01, 0.002, 0.0004)  # of the reference: shorter ones where both differ
 
 
-def errors(seed: int, draws: int, orbits: int) -> tuple[list[float], int]:
+def errors(seed: int, draws: int, orbits: int, compiled: bool = True) -> tuple[list[float], int]:
     """Return the errors of good images, in tolerances, and how many only the reference has, with several draws."""
     from frozen_branches import DONE
     from random_programs import drawn
@@ -28,7 +28,7 @@ def errors(seed: int, draws: int, orbits: int) -> tuple[list[float], int]:
         images = strobe.with_params(**parameters).iterate(places, 1)
         for place, image, status in zip(places, images.points, images.status, strict=True):
             for step in STEPS:
-                exact, outcome, _ = program.image(period, place, step)
+                exact, outcome, _ = program.image(period, place, step, compiled)
                 if status != Status.OK:
                     missed += outcome == DONE and not strobe.unknown_formulas  # too many branches are said to be so
                     break
@@ -40,10 +40,12 @@ def errors(seed: int, draws: int, orbits: int) -> tuple[list[float], int]:
     return found, missed
 
 
-@pytest.mark.parametrize("seed", at_once([16], later=[7, 8, 13]))
-def test_programs(seed: int) -> None:
-    found, missed = errors(seed, 2, 3)
-    assert (missed, len(found)) == (0, 6)
+@pytest.mark.parametrize(
+    ("seed", "draws", "compiled"), at_once([(11, 1, False)], later=[(k, 2, True) for k in (7, 8, 13)])
+)
+def test_programs(seed: int, draws: int, compiled: bool) -> None:
+    found, missed = errors(seed, draws, 2, compiled)
+    assert (missed, len(found)) == (0, 2 * draws)
     assert max(found) < 1.0
 
 
