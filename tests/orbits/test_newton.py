@@ -7,9 +7,11 @@ import pytest
 
 from cellmap import discrete_map, periodic_orbit
 from cellmap.maps import swept_map
+from cellmap.orbits.lyapunov_qr import swept_derivatives
 from cellmap.orbits.multipliers import multipliers_of
-from cellmap.orbits.newton import newton, solutions
-from cellmap.orbits.orbit_equations import OrbitProblem
+from cellmap.orbits.newton import newton, solutions, stable_orbit
+from cellmap.orbits.orbit_equations import OrbitProblem, natural_sizes
+from systems import logistic_map
 
 
 @pytest.mark.parametrize("damped", [False, True])
@@ -84,3 +86,21 @@ def test_a_determinant_changes_its_sign_where_a_multiplier_passes_minus_one():
     for entry in (-0.9, -1.1):
         problem = SimpleNamespace(dimension=2, matrix=lambda _, entry=entry: np.diag([entry, 0.5]))
         assert OrbitProblem.doublings(problem, None) == pytest.approx((entry + 1.0) * 1.5)
+
+
+def test_natural_sizes_and_orbits_that_attract():
+    """Of mu x (1 - x): at 3.2 the fixed point has the multiplier -1.2, and the orbit of period two 0.16."""
+    logistic = logistic_map(3.2)
+    assert stable_orbit(logistic, np.array([1.0 - 1.0 / 3.2]), 1, np.ones(1)) is None
+    found = stable_orbit(logistic, np.array([0.5130445]), 2, np.ones(1))
+    assert found is not None and found.period == 2 and found.multipliers == pytest.approx([0.16], abs=1e-5)
+    assert natural_sizes(logistic, np.array([1.0 - 1.0 / 3.2]), 1) == pytest.approx([1.0 - 1.0 / 3.2])
+
+
+def test_derivatives_of_steps_at_parameters_of_their_own():
+    """mu (1 - 2 x), by one map with the parameter among its coordinates, and without one."""
+    points, values = np.array([[0.1], [0.2], [0.3]]), np.array([3.0, 2.0, 3.0])
+    logistic = logistic_map(3.0)
+    for swept in (swept_map(logistic, "mu"), SimpleNamespace(tangent=None)):
+        found = swept_derivatives(logistic, swept, "mu", points, values)
+        assert found.ravel() == pytest.approx(values * (1.0 - 2.0 * points[:, 0]), abs=1e-9)
