@@ -19,7 +19,7 @@ from known_basins import assert_same
 from stored_basins import CASES, GRID
 
 import cellmap
-from cellmap import Attractor, Basins, CellGrid, Label, discrete_map, find_basins, load_basins, save_basins
+from cellmap import Attractor, Basins, CellGrid, discrete_map, find_basins, load_basins, save_basins
 from cellmap._lib.sealed import get_mapping, put_text, seal
 from cellmap.attractors.kinds.examined import Examined
 from cellmap.basins import recompute_basins
@@ -42,16 +42,6 @@ def test_round_trip(name, made, tmp_path):
     assert same.fractions == basins.fractions
     assert [a.name for a in same.attractors] == [a.name for a in basins.attractors]
     assert [repr(a) for a in same.attractors] == [repr(a) for a in basins.attractors]
-
-
-def test_several_images_in_one_file(made, tmp_path):
-    """The cases hold all codes between them."""
-    names = [name for name in CASES if not name.startswith("limit")]
-    path, codes = save_basins({name.replace(",", ""): made[name] for name in names}, tmp_path / "all.h5"), set()
-    for name in names:
-        assert_same(made[name], again := load_basins(path, name.replace(",", "")))
-        codes |= set(again.labels.ravel().tolist())
-    assert {Label.ESCAPED, Label.DIVERGED, Label.UNDECIDED, 0, 1} <= codes
 
 
 # --- the file itself
