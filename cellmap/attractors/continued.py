@@ -123,7 +123,7 @@ def with_regions(point_map: PointMap, orbits: Mapping[int, Attractor], extent: F
         return {}
     beside = extent * np.random.default_rng(0).uniform(-0.5, 0.5, (_BESIDE, point_map.dimension))
     around = np.concatenate([orbit.points[0] + beside for orbit in orbits.values()])
-    motion = extent_of_motion(extent, ways_of(point_map, around))
+    motion = extent_of_motion(extent, ways_of(point_map, around)[0])
 
     def region_of(k: int) -> Neighbourhood | None:
         return neighbourhood_of(point_map, orbits[k], motion, orbits[k].neighbourhood)

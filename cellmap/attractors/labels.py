@@ -18,7 +18,8 @@ class Label(IntEnum):
     ESCAPED = -1
     """The orbit left the window of an interpolated map."""
     DIVERGED = -2
-    """It grew beyond all bounds, or the map has no image of one of its points."""
+    """It grew beyond all bounds, or the map has no image of one of its points; or it is a million times as far as the
+    region is large, and goes a million times farther in as many periods again."""
     UNDECIDED = -3
     """It has not settled within the periods that were allowed."""
     NO_RETURN = -4

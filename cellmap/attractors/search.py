@@ -31,13 +31,13 @@ from .kinds.recurrence import closed_attractors
 from .kinds.transients import REMEDIES, Late, Reason, UnsettledWarning, regular
 from .labels import LABEL_NAMES, Label
 from .regions.boxes import inside_cover
-from .regions.extents import region_extent, ways_of
 from .regions.lyapunov_regions import Afford, always
 from .regions.trapping import still_trapping, trapping_neighbourhood
 from .regions.trapping_boxes import is_trapped
+from .settling.escape import far_bound
 from .settling.quotients import quotient_of
 from .settling.residence import with_full_residence
-from .settling.settle import Catalogue, settle, settle_on_threads
+from .settling.settle import Catalogue, settle, settle_on_threads, without_escaped
 from .shortcuts.surrogate import only_attractor
 from .shortcuts.wandering import FEWEST, are_chaotic, representatives
 from .translates import warning_of_translates
@@ -140,9 +140,8 @@ def _found_by_all(
     point_map: PointMap, states: Floats, known: Sequence[Attractor], max_periods: int, longest_period: int
 ) -> tuple[list[Attractor], Sequence[Reason], Ints]:
     """Return the attractors that orbits of some states come to, why others do not, and labels of all."""
-    ways = ways_of(point_map, states)
-    extent = region_extent(point_map, states, ways)
-    examined = Examined.nothing_yet(point_map, extent, len(states), ways)
+    examined = Examined.of_region(point_map, states, states)
+    extent = examined.extent
     found = search(point_map, states, with_full_residence(known), max_periods, longest_period, extent, examined)
     attractors, reasons = found.attractors, tuple[Reason, ...]()
     if len(found.orbits):
@@ -200,10 +199,14 @@ def search(
     orbits = Orbits.starting(wrap(states, point_map.coordinates))
     rows, labels, times = np.arange(len(states)), np.full(len(states), Label.UNDECIDED), np.full(len(states), -1)
     age, time_limit, wandering, untrapped = 0, _FIRST_LOOK, False, False
+    past = far_bound(point_map, states)
     while len(orbits):
         before = len(orbits)
         catalogue, periods = Catalogue.of(attractors, point_map), min(time_limit, max_periods - age)
-        settled = settle_on_threads(point_map, orbits, catalogue, periods, age, stop)
+        settled = settle_on_threads(point_map, orbits, catalogue, periods, age, stop, examined.bound)
+        escaped = without_escaped(point_map, settled, past, age + periods)
+        if escaped is not settled:
+            settled, examined.bound = escaped, past
         labels[rows], times[rows] = settled.labels, settled.times
         rows, orbits, last = rows[settled.undecided], settled.orbits, age + time_limit >= max_periods
         age, time_limit = min(age + time_limit, max_periods), 2 * age if age else time_limit

@@ -15,10 +15,12 @@ from .._lib.checks import listed, real_array, shown, whole_number
 from ..attractors.given import check_attractors
 from ..attractors.kinds.creeping import settled_at_last
 from ..attractors.labels import LABEL_NAMES
+from ..attractors.settling.escape import far_bound
 from ..attractors.settling.settle import Catalogue, Classified, Rule, classify
 from ..maps.coordinates import Coordinate
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
+from .initial_conditions import InitialConditions
 from .record import Basins
 
 Outcome = Callable[[Floats], Any]
@@ -43,6 +45,8 @@ class Labeller:
         Periods after which a point that has not settled is undecided.
     rule : callable or None
         What tells final states in the place of attractors.
+    bound : ndarray or None
+        Where orbits that go on growing have diverged; only bounds of the map itself otherwise.
     """
 
     point_map: PointMap
@@ -50,6 +54,7 @@ class Labeller:
     catalogue: Catalogue
     max_periods: int
     rule: Rule | None = None
+    bound: Floats | None = None
 
     def __repr__(self) -> str:
         return f"Labeller({self.point_map.name}, {len(self.attractors)} attractors, {self.max_periods} periods)"
@@ -60,7 +65,7 @@ class Labeller:
 
     def settle(self, points: Floats) -> Classified:
         """Return the labels and the settling times of points (n, dimension)."""
-        last = partial(settled_at_last, self.point_map, self.attractors, self.max_periods)
+        last = partial(settled_at_last, self.point_map, self.attractors, self.max_periods, bound=self.bound)
         return classify(self.point_map, self.catalogue, points, self.max_periods, self.rule, at_last=last)
 
 
@@ -122,7 +127,10 @@ def labeller(
                 "find_basins says why and what helps, and classify_by_features and edge_orbit(outcome=) do without"
             )
         raise ValueError("attractors is empty: without an attractor there is no basin; find attractors first")
-    return Labeller(used, tuple(attractors), Catalogue.of(attractors, used), most)
+    bound = None
+    if isinstance(source, Basins):
+        bound = far_bound(used, InitialConditions(source.grid, source.initial_conditions).region)
+    return Labeller(used, tuple(attractors), Catalogue.of(attractors, used), most, bound=bound)
 
 
 def _numbers(outcome: Outcome, points: Floats) -> Ints:

@@ -49,6 +49,13 @@ class InitialConditions:
         assert self.given is not None
         return self.given.shape[:-1]
 
+    @property
+    def region(self) -> Floats:
+        """Points that show how large the region is: two corners of a grid, else all points."""
+        if self.grid is not None:
+            return np.array([self.grid.lower, self.grid.upper])
+        return self.points(slice(0, len(self)))
+
     def __len__(self) -> int:
         return int(np.prod(self.shape, dtype=object))
 

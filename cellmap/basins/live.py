@@ -143,13 +143,9 @@ class LiveBasins:
     ) -> None:
         self._base, self._places = point_map, InitialConditions.of(initial_conditions, point_map)
         self._stride = stride
-        grid = self._places.grid
-        corners = (
-            np.array([grid.lower, grid.upper]) if grid is not None else self._places.points(slice(0, len(self._places)))
-        )
         self._limits = whole_number("max_periods", max_periods, at_least=1), affordable_period(longest_period)
         near = finite_number("threshold", threshold, above=0.0)
-        self._family = Family(point_map, self._limits, region_extent(point_map, corners), near)
+        self._family = Family(point_map, self._limits, region_extent(point_map, self._places.region), near)
         self._guard = threading.Lock()
         self._newest = Stop()
         self._reported: tuple[int, ...] = ()  # identities in the last complete frame

@@ -24,7 +24,7 @@ from ..attractors.kinds.continua import joined_continua
 from ..attractors.kinds.examined import Examined
 from ..attractors.kinds.transients import Late, Reason, regular
 from ..attractors.labels import LABEL_NAMES, Label, label_type
-from ..attractors.regions.extents import region_extent, ways_of
+from ..attractors.regions.extents import region_extent
 from ..attractors.search import search, sort_out
 from ..attractors.settling.quotients import Quotient, quotient_of
 from ..attractors.settling.residence import OBSERVED, unobserved, with_full_residence, with_residence
@@ -158,11 +158,10 @@ class Run:
         few = np.arange(total) if total <= _SAMPLE else np.random.default_rng(0).choice(total, _SAMPLE, replace=False)
         chosen = self.initial_conditions.wrapped(np.sort(few), self.point_map)
         grid, self.quotient = self.initial_conditions.grid, quotient_of(self.point_map, chosen)
-        corners = chosen if grid is None or self.quotient is not None else np.array([grid.lower, grid.upper])
+        corners = chosen if grid is None or self.quotient is not None else self.initial_conditions.region
         searched = self._in_quotient(known)[0]
         corners, chosen = self._places(corners), self._places(chosen)
-        ways = ways_of(searched, chosen)
-        examined = Examined.nothing_yet(searched, region_extent(searched, corners, ways), len(chosen), ways)
+        examined = Examined.of_region(searched, corners, chosen)
         now = self.store.resume(examined)
         if now is None:
             small = self.client is None and isinstance(self.store, InMemory)
@@ -236,15 +235,17 @@ class Run:
         self, chosen: Floats, known: list[Attractor], to_the_end: bool, examined: Examined
     ) -> tuple[Attractor, ...]:
         """Find attractors from a sample; where that is complete, slow orbits are left to labelling."""
-        point_map, given = self._in_quotient(known)
+        (point_map, given), whole = self._in_quotient(known), examined
         own = region_extent(point_map, chosen, examined.ways)
         if not np.array_equal(own, examined.extent):
-            examined = Examined.nothing_yet(point_map, own, len(chosen), examined.ways)
+            fresh = Examined.nothing_yet(point_map, own)
+            examined = replace(fresh, ways=whole.ways, images=whole.images, bound=whole.bound)
         periods = self.max_periods if to_the_end else min(_PATIENCE, self.max_periods)
         with heeding(self.stop):
             found = search(
                 point_map, chosen, given, periods, self.longest_period, own, examined, self.stop, self.max_periods
             )
+            whole.bound = examined.bound
             if not to_the_end or not len(found.orbits):
                 return self._all(known, found.attractors)
             strange = found.examined(point_map, chosen, own).attractors
@@ -304,7 +305,8 @@ class Run:
         """Yield what becomes of tiles as they are completed."""
         stop = self.stop if self.client is None else None
         until = now.restart_times, now.time_limit, now.time_limit >= self.max_periods
-        work = LabellingTask(self.point_map, self.initial_conditions, now.attractors, *until, stop)
+        bound = None if self.quotient is not None else now.examined.bound
+        work = LabellingTask(self.point_map, self.initial_conditions, now.attractors, *until, stop, bound)
         bar = f"basins of {self.point_map.name}" if self.progress else None
         return completed(tiles, batch, work, self.client, bar)
 

@@ -7,12 +7,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from .._lib.arrays import Ints
+from .._lib.arrays import Floats, Ints
 from .._lib.computed import computed_once
 from .._lib.stopping import Stop
 from .._lib.threads import slices
 from ..attractors.kinds.creeping import settled_at_last
 from ..attractors.kinds.examined import Examined
+from ..attractors.settling.escape import far_bound
 from ..attractors.settling.settle import Catalogue, Settled, settle
 from ..maps.orbit_batch import CHUNK, NOTHING, Orbits, Tally
 from ..maps.point_map import PointMap
@@ -74,7 +75,7 @@ class LabellingTask:
     ``restart_times``: periods after which the orbits of a tile were examined before and went on; where their states are
     not kept, they are computed again with the same restarts, on which the iteration of an orbit may depend.  ``last``:
     whether none goes on, so that those that creep to a continuum are labelled; ``stop``: a request to end before that,
-    in this process.
+    in this process; ``bound``: where orbits have escaped, if some were seen to.
     """
 
     point_map: PointMap
@@ -84,13 +85,17 @@ class LabellingTask:
     time_limit: int
     last: bool = False
     stop: Stop | None = None
+    bound: Floats | None = None
 
     def __call__(self, batch: Batch) -> Settled:
         """Return the labels of a tile."""
         # States are moved in place, and a tile that is lost begins again from the same ones.
         states = self._states(batch.rows) if batch.states is None else Orbits.joined([batch.states])
         settled = self._settled(states, self.restart_times[-1] if self.restart_times else 0, self.time_limit)
-        return settled_at_last(self.point_map, self.attractors, self.time_limit, settled) if self.last else settled
+        if not self.last:
+            return settled
+        bound = far_bound(self.point_map, self.initial_conditions.region)
+        return settled_at_last(self.point_map, self.attractors, self.time_limit, settled, bound)
 
     def _states(self, rows: slice | Ints) -> Orbits:
         orbits = Orbits.starting(self.initial_conditions.wrapped(rows, self.point_map))
@@ -99,7 +104,7 @@ class LabellingTask:
         return orbits
 
     def _settled(self, orbits: Orbits, begin: int, end: int) -> Settled:
-        return settle(self.point_map, orbits, self._catalogue, end - begin, begin, self.stop)
+        return settle(self.point_map, orbits, self._catalogue, end - begin, begin, self.stop, self.bound)
 
     @computed_once
     def _catalogue(self) -> Catalogue:

@@ -15,8 +15,10 @@ from .._lib.threads import run_over, slices
 from ..attractors.kinds.creeping import drawn_to
 from ..attractors.kinds.mixing import unmixed
 from ..attractors.labels import Label, label_type
+from ..attractors.regions.extents import ways_of
 from ..attractors.search import find_attractors
-from ..attractors.settling.settle import Catalogue, settle
+from ..attractors.settling.escape import escape_on, far_bound
+from ..attractors.settling.settle import Catalogue, settle, without_escaped
 from ..maps.orbit_batch import CHUNK, Orbits
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, Kind
@@ -106,16 +108,19 @@ def verified(
     catalogue = Catalogue.of(attractors, exact)
     close = catalogue.shrunk(0.01)
     found = np.empty(len(drawn), label_type(len(attractors)))
+    past, gone = far_bound(exact, initial_conditions.region), given == Label.DIVERGED
+    bound = past if gone.any() and escape_on(ways_of(exact, points[gone])[1], past) else None
     # Neighbourhoods of a cycle differ in size, and within its period an orbit visits each.
     period = max((a.period for a in attractors), default=1)
 
     def label(part: slice) -> None:
         orbits = Orbits.starting(points[part].copy())
         half = max_periods // 2
-        early = settle(exact, orbits, close, half)
+        early = settle(exact, orbits, close, half, bound=bound)
         found[part] = early.labels
         before = _closest(exact, early.orbits, catalogue, period)
-        late = settle(exact, early.orbits, close, max_periods - half, half)
+        late = settle(exact, early.orbits, close, max_periods - half, half, bound=bound)
+        late = without_escaped(exact, late, past, max_periods)
         # One that converges slowly is still on its way; one at rest elsewhere is not.
         slow = late.undecided
         nearer = _closest(exact, late.orbits, catalogue, period) < before[slow] * (1.0 - 1e-9)

@@ -15,7 +15,7 @@ from ...maps.orbit_batch import Orbits, Status, Tally
 from ...maps.point_map import PointMap
 from ...maps.side_by_side import advance_on_threads
 from ...orbits.attractor import Attractor, Kind
-from ..settling.settle import Catalogue, Settled, settle
+from ..settling.settle import Catalogue, Settled, settle, without_escaped
 from .recurrence import averaged_owners
 
 _PERIODS = 16  # the ways of as many are compared with those of as many that follow
@@ -150,11 +150,16 @@ def _straight_on(
     return good
 
 
-def settled_at_last(point_map: PointMap, attractors: Sequence[Attractor], age: int, settled: Settled) -> Settled:
+def settled_at_last(
+    point_map: PointMap, attractors: Sequence[Attractor], age: int, settled: Settled, bound: Floats | None = None
+) -> Settled:
     """Return what has become of orbits that are `age` periods old: those that creep to a continuum settle there.
 
-    So do those that have the averages of an attractor that was found by recurrence.
+    So do those that have the averages of an attractor that was found by recurrence, and those that escape beyond a
+    bound have diverged.
     """
+    if bound is not None:
+        settled = without_escaped(point_map, settled, bound, age)
     rows, owners = settled.undecided, drawn_to(point_map, settled.orbits.points, attractors)
     left = np.flatnonzero((owners < 0) & settled.orbits.alive)
     owners[left] = averaged_owners(point_map, settled.orbits.points[left], attractors)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,8 +11,9 @@ from ..._lib.arrays import Bools, Floats, Ints, evenly
 from ...maps.coordinates import Coordinate, difference
 from ...maps.point_map import PointMap
 from ...orbits.newton import newton, resolution, return_distances
-from ..regions.extents import extent_of_motion
+from ..regions.extents import extent_of_motion, region_extent, ways_of
 from ..regions.tube import SAMPLED
+from ..settling.escape import escape_on, far_bound
 from .recurrence import CLOSED
 
 LOOKED_AT = 256
@@ -40,8 +41,9 @@ class Examined:
     ``points``: periodic points that belong to no attractor; ``ends``: what became of guesses, by their bits and period,
     and of looks for curves, by the states, or their sum, and a negative number;
     ``distances``: how close the ends of the last look have come back to themselves, by their bits; ``lines``: points of
-    segments of periodic points that do not attract; ``ways``: how far orbits go; ``images``: images of the map that
-    Newton's method, regions of attractors and looks for curves may still take in more than four dimensions.
+    segments of periodic points that do not attract; ``ways``: how far orbits go; ``bound``: beyond which
+    orbits were seen to escape; ``images``: images of the map that Newton's method, regions of attractors and looks for
+    curves may still take in more than four dimensions.
     """
 
     coordinates: tuple[Coordinate, ...]
@@ -51,15 +53,21 @@ class Examined:
     distances: dict[bytes, Floats] = field(default_factory=dict)
     lines: list[Floats] = field(default_factory=list)
     ways: Floats | None = None
+    bound: Floats | None = None
     images: float = np.inf
 
     @classmethod
-    def nothing_yet(
-        cls, point_map: PointMap, extent: Floats, states: int | None = None, ways: Floats | None = None
-    ) -> Examined:
-        """Begin a search in a region of some extent, from so many states, whose orbits go some ways."""
-        images = np.inf if states is None else float(max(_IMAGES * states, _AT_LEAST))
-        return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)), {}, ways=ways, images=images)
+    def nothing_yet(cls, point_map: PointMap, extent: Floats) -> Examined:
+        """Begin a search in a region of some extent."""
+        return cls(point_map.coordinates, extent, np.empty((0, point_map.dimension)), {})
+
+    @classmethod
+    def of_region(cls, point_map: PointMap, region: Floats, states: Floats) -> Examined:
+        """Begin a search in a region, shown by some of its points, from some states."""
+        ways, path = ways_of(point_map, states)
+        empty = cls.nothing_yet(point_map, region_extent(point_map, region, ways))
+        bound, images = far_bound(point_map, region), float(max(_IMAGES * len(states), _AT_LEAST))
+        return replace(empty, ways=ways, images=images, bound=bound if escape_on(path, bound) else None)
 
     def afford(self, images: int) -> bool:
         """Take some of the images that are left; False where these are too few."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..._lib.arrays import Floats, evenly
 from ...maps.coordinates import turns_of, wrap
-from ...maps.orbit_batch import Orbits
+from ...maps.orbit_batch import Orbits, Status
 from ...maps.paths import path_of
 from ...maps.point_map import PointMap
 
@@ -19,14 +19,15 @@ _TINY = 0.1  # of the ways of orbits: regions that are smaller say nothing of th
 _AT_REST = 1e-6  # of the place or of the longest way: shorter ways of coordinates may be rounding
 
 
-def ways_of(point_map: PointMap, states: Floats) -> Floats:
-    """Return how far orbits of some states go along each coordinate, 0 if that is not known.
+def ways_of(point_map: PointMap, states: Floats) -> tuple[Floats, Floats]:
+    """Return how far orbits of some states go along each coordinate, 0 if that is not known, and their path.
 
     Orbits that end, drift or diverge do not count, and there are none with a table, whose window they do not leave.
+    Those that have come to 1e100 are not on the path.
     """
     turning, nowhere = turns_of(point_map.coordinates)[1] > 0, np.zeros(point_map.dimension)
     if point_map.table is not None:
-        return nowhere
+        return nowhere, np.empty((1, 0, point_map.dimension))
     orbits = Orbits.starting(wrap(states[evenly(len(states), _FOLLOWED)], point_map.coordinates))
     path, periods = orbits.points[None].copy(), _FOR
     while True:
@@ -34,10 +35,11 @@ def ways_of(point_map: PointMap, states: Floats) -> Floats:
         early, ways = np.ptp(path[: periods // 2 + 1], axis=0), np.ptp(path, axis=0)
         moves = ways > _AT_REST * ways.max(axis=1, keepdims=True)
         staying = orbits.alive & ~(moves & ~turning & (ways > _AWAY * early)).any(axis=1)
+        over = orbits.status == Status.DIVERGED
         if staying.any():
-            return np.where(turning, 0.0, np.quantile(ways[staying], _MOST, axis=0))
+            return np.where(turning, 0.0, np.quantile(ways[staying], _MOST, axis=0)), path[:, ~over]
         if periods >= 4 * _FOR or not orbits.alive.any():
-            return nowhere
+            return nowhere, path[:, ~over]
         periods *= 2
 
 
@@ -47,7 +49,7 @@ def region_extent(point_map: PointMap, states: Floats, ways: Floats | None = Non
     A coordinate that a slice fixes, or whose span is tiny against the `ways` of orbits, has the size of these.
     """
     turn, table, span = turns_of(point_map.coordinates)[1], point_map.table, np.ptp(states, axis=0)
-    ways, magnitude = ways_of(point_map, states) if ways is None else ways, np.abs(states).max(axis=0)
+    ways, magnitude = ways_of(point_map, states)[0] if ways is None else ways, np.abs(states).max(axis=0)
     size = span if table is None else np.array(table.grid.upper) - np.array(table.grid.lower)
     size = np.where(size > 0, size, np.where(magnitude > 0, magnitude, 1.0))
     # A single state may be on an attractor already, and its ways tell how exactly.

@@ -24,12 +24,14 @@ from ...orbits.attractor import Attractor, Cover
 from ..labels import LABELS_OF, Label, label_type
 from ..regions.boxes import box_keys, boxes_around
 from ..regions.sieves import sieve_of
+from .escape import beyond, escape
 from .quotients import Quotient, quotient_by
 
 RESIDENCE = 64
 """Consecutive periods inside the cover of a chaotic attractor after which an orbit counts as converged, at most."""
 
 _PART = 128  # orbits of a thread at a time, where few are followed
+_OLDER = 1.25  # times as old orbits are when it is looked again which of them have escaped
 _UNSEEN = 64  # most periods at a time where nothing can capture an orbit
 
 Rule = Callable[[Floats], Ints]
@@ -160,15 +162,26 @@ class Settled(Classified):
 
 
 def settle(
-    point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int = 0, stop: Stop | None = None
+    point_map: PointMap,
+    orbits: Orbits,
+    catalogue: Catalogue,
+    periods: int,
+    age: int = 0,
+    stop: Stop | None = None,
+    bound: Floats | None = None,
 ) -> Settled:
     """Iterate orbits that are `age` periods old until each is captured, has ended, or `periods` more have passed.
+
+    Where some are known to escape beyond a `bound`, those that do have diverged; that is seen when they are older by
+    a quarter than when they were looked at before.
 
     Raises
     ------
     Stopped
         Soon after that was requested.
     """
+    if bound is not None:
+        return _settled_within(bound, point_map, orbits, catalogue, periods, age, stop)
     if (quotient := catalogue.quotient) is not None:
         settled = settle(quotient.point_map, quotient.of_orbits(orbits), catalogue.within, periods, age, stop)
         return replace(settled, orbits=quotient.back(settled.orbits))
@@ -189,17 +202,66 @@ def settle(
     return replace(found, tally=found.tally.plus(again.tally._replace(inaccurate=0)))
 
 
+def _settled_within(
+    bound: Floats,
+    point_map: PointMap,
+    orbits: Orbits,
+    catalogue: Catalogue,
+    periods: int,
+    age: int,
+    stop: Stop | None,
+) -> Settled:
+    if catalogue.covers:  # in which orbits have to stay for longer than from look to look
+        if age > 0:
+            return settle(point_map, orbits, catalogue, periods, age, stop)
+        ahead = replace(orbits, points=orbits.points.copy(), rotations=orbits.rotations.copy(), work=Work())
+        nothing = Catalogue.of((), point_map)
+        parts = [_settled_within(bound, point_map, ahead, nothing, min(periods, _UNSEEN), 0, stop)]
+        orbits = orbits[parts[0].labels == Label.UNDECIDED]
+        parts.append(settle(point_map, orbits, catalogue, periods, 0, stop))
+    else:
+        end, now, parts = age + periods, age, list[Settled]()
+        while not parts or (len(orbits) and now < end):
+            until = min(max(now + 1, int(_OLDER * now)), end)
+            settled = settle(point_map, orbits, catalogue, until - now, now, stop)
+            parts.append(without_escaped(point_map, settled, bound, until))
+            orbits, now = parts[-1].orbits, until
+    labels, times = parts[0].labels.astype(parts[-1].labels.dtype), parts[0].times.copy()
+    for later in parts[1:]:
+        rows = np.flatnonzero(labels == Label.UNDECIDED)
+        labels[rows], times[rows] = later.labels, later.times
+    tally = Tally(*np.sum([p.tally for p in parts], axis=0).tolist())
+    return Settled(labels, times, tally, parts[-1].orbits, parts[-1].stays)
+
+
+def without_escaped(point_map: PointMap, settled: Settled, bound: Floats, age: int) -> Settled:
+    """Return what has become of orbits of an age where those that escape beyond a bound have diverged."""
+    gone = beyond(settled.orbits.points, bound)
+    if not gone.any() or not escape(point_map, settled.orbits.points[gone], bound, age):
+        return settled
+    labels, left = settled.labels.copy(), settled.orbits
+    labels[settled.undecided[gone]] = Label.DIVERGED
+    tally = settled.tally.plus(Tally(inaccurate=int(np.count_nonzero(left.status[gone] == Status.INACCURATE))))
+    return replace(settled, labels=labels, orbits=left[np.flatnonzero(~gone)], tally=tally)
+
+
 def settle_on_threads(
-    point_map: PointMap, orbits: Orbits, catalogue: Catalogue, periods: int, age: int = 0, stop: Stop | None = None
+    point_map: PointMap,
+    orbits: Orbits,
+    catalogue: Catalogue,
+    periods: int,
+    age: int = 0,
+    stop: Stop | None = None,
+    bound: Floats | None = None,
 ) -> Settled:
     """Settle orbits as :func:`settle` does, on all threads where they are integrated."""
     parts = slices(len(orbits), _PART)
     if not point_map.is_flow or point_map.table is not None or len(parts) < 2:
-        return settle(point_map, orbits, catalogue, periods, age, stop)
+        return settle(point_map, orbits, catalogue, periods, age, stop, bound)
 
     def work(number: int) -> Settled:
         part = replace(orbits[parts[number]], work=Work())
-        return settle(point_map, part, catalogue, periods, age, stop)
+        return settle(point_map, part, catalogue, periods, age, stop, bound)
 
     found = dict(results_of(range(len(parts)), work))
     settled = [found[number] for number in range(len(parts))]

@@ -15,6 +15,7 @@ from ..._lib.threads import run_over, slices
 from ...attractors.kinds.creeping import settled_at_last
 from ...attractors.labels import Label
 from ...attractors.regions.boxes import inside_cover
+from ...attractors.settling.escape import far_bound
 from ...attractors.settling.settle import Settled, classify, settle
 from ...maps.coordinates import wrap
 from ...maps.grid import Locator
@@ -170,7 +171,9 @@ class CertifiedLabels:
         return settled.tally
 
     def _at_last(self, settled: Settled) -> Settled:
-        return settled_at_last(self.setting.exact, self.setting.catalogue.attractors, self.periods, settled)
+        exact = self.setting.exact
+        bound = far_bound(exact, self.initial_conditions.region)
+        return settled_at_last(exact, self.setting.catalogue.attractors, self.periods, settled, bound)
 
     @np.errstate(invalid="ignore", over="ignore")  # errors that have grown too large may grow beyond all bounds
     def _follow(self, point_map: PointMap, rows: Ints, errors: Floats, mark: Evidence) -> tuple[list[_Left], Tally]:
