@@ -1,1 +1,1 @@
-"""Attractors told apart by features of orbits that their user computes."""
+"""Attractors distinguished by features of orbits that their user computes."""
