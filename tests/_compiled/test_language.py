@@ -14,8 +14,6 @@ from cellmap._compiled.translation.grammar import LanguageError
 from tests._compiled.random_loops import imported
 from tests._compiled.test_translation import differences
 
-# mypy: disable-error-code="no-untyped-def"
-
 PAGE = Path(__file__).parents[2] / "docs" / "architecture.md"
 HEAD = "import math\nimport numpy as np\nfrom cellmap._compiled.loops import inlined, loop\n"
 

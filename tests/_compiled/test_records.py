@@ -13,8 +13,6 @@ from tests._compiled.random_loops import imported
 from tests._compiled.test_language import HEAD, made, refused, run
 from tests._compiled.test_translation import differences
 
-# mypy: disable-error-code="no-untyped-def"
-
 
 class Point(NamedTuple):
     x: float

@@ -14,8 +14,6 @@ import cellmap._compiled.loops as loops
 from cellmap._compiled.loops import Loop, inlined, loop
 from tests._compiled.random_loops import AWKWARD, copied, imported
 
-# mypy: disable-error-code="no-untyped-def"
-
 NUMBERS = [0, 1, -1, 2, 3, -3, 7, -8, 2**40, -(2**62)]
 
 
