@@ -165,7 +165,7 @@ def answered(address: str) -> float:
     return time.monotonic() - began
 
 
-@pytest.mark.parametrize(("limit", "said"), [(1024, b""), (256, b"GET /")])
+@pytest.mark.parametrize(("limit", "said"), [pytest.param(1024, b"", marks=pytest.mark.thorough), (256, b"GET /")])
 def test_the_page_and_those_who_watch_are_answered(limit: int, said: bytes) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     with served(limit) as (own, watch):
