@@ -129,6 +129,7 @@ class TestBasins:
             assert wrong[within].mean() < 0.02
             assert basins.attractors[0].points == pytest.approx(direct.attractors[0].points)
             assert (basins.settling_time[within] == periods * mapping.steps[within]).all()
+            assert 0 < mapping.cost.seconds < basins.cost.seconds < 600
         check = basins.verify(1000)
         assert check.low <= wrong[within].mean() <= check.high
 

@@ -82,6 +82,13 @@ def test_morse_graph_of_a_hand_made_map():
     assert sorted(places[k] for k in graph.sinks) == [0.0, 2.0, 4.0]
 
 
+def test_one_initial_condition_in_each_set_may_do():
+    search = find_attractors_by_subdivision(
+        discrete_map(three_basins, {}, ("x",)), CellGrid((-0.3,), (4.4,), (8,)), 7, max_initial_conditions=1
+    )
+    assert sorted(round(float(a.points[0, 0])) for a in search.attractors) == [0, 2, 4] and len(search.saddles) == 2
+
+
 def test_edges_leave_out_what_follows_from_others():
     """A chain of three fixed points on the product of two lines: top to bottom passes through the middle ones."""
     cubic = discrete_map(
