@@ -14,9 +14,12 @@ BLOCKS = 10
 """Stretches of an orbit whose means tell the standard error."""
 
 
-def is_positive(largest: Floats, errors: Floats) -> Bools:
-    """Tell which largest exponents are evidence of chaos: above 1e-3 per step and five standard errors."""
-    return np.asarray(largest > np.maximum(5.0 * errors, 1e-3))
+def is_positive(largest: Floats, errors: Floats, periods: float = 1e3) -> Bools:
+    """Tell which largest exponents are evidence of chaos: above five standard errors, and 1e-3 per step.
+
+    What is from more than 1,000 periods may be as small as growth by a factor e over all of them.
+    """
+    return np.asarray(largest > np.maximum(5.0 * errors, 1.0 / max(periods, 1e3)))
 
 
 def exponents_along(matrices: Floats) -> tuple[Floats, Floats]:

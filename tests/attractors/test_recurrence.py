@@ -10,7 +10,7 @@ import pytest
 
 from cellmap import angle, discrete_map, find_attractors, find_basins, load_basins, save_basins
 from cellmap.attractors.kinds import examined
-from cellmap.attractors.kinds.leading_exponents import leading_exponents
+from cellmap.attractors.kinds.exponents import FRAME, Growing
 from cellmap.attractors.kinds.mixing import unmixed
 from cellmap.attractors.kinds.recurrence import recurrent_attractors
 from cellmap.attractors.regions.trapping import trapping_neighbourhood
@@ -149,7 +149,7 @@ def test_without_images_for_proofs_there_are_the_same_attractors_and_labels(monk
     proved = find_basins(wells, start, max_periods=300)
     assert len(proved.attractors) == 8 and all(a.verified for a in proved.attractors)
     monkeypatch.setattr(examined, "_IMAGES", 0)
-    monkeypatch.setattr(examined, "_AT_LEAST", 0)
+    monkeypatch.setattr(examined, "AT_LEAST", 0)
     with pytest.warns(UserWarning, match="8 of 8 attractors are not verified, and 100.0%"):
         seen = find_basins(wells, start, max_periods=300)
     assert np.isnan(seen.attractors[0].multipliers).all()
@@ -198,5 +198,5 @@ def test_chaos_is_not_taken_for_quasi_periodic():
     start = np.random.default_rng(2).uniform(-0.1, 0.1, (8, 6))
     assert recurrent_attractors(henon, start, np.ones(6), 100, []) == ([], [])
     # The exponents of the Hénon map are 0.419 and -1.62 (Sprott, Chaos and Time-Series Analysis (2003)).
-    exponents, errors = leading_exponents(henon, np.zeros((1, 6)), np.ones(6), 2000)
-    assert exponents[0, 0] == pytest.approx(0.419, abs=3 * errors[0])
+    growth = Growing.along(henon, np.zeros((1, 6)), 2000, directions=FRAME)
+    assert growth.exponents[0, 0] == pytest.approx(0.419, abs=3 * growth.errors[0, 0])

@@ -10,9 +10,10 @@ import pytest
 
 from cellmap import CellGrid, angle, discrete_map, find_basins, stroboscopic_map
 from cellmap.attractors.kinds import chaos
+from cellmap.attractors.regions.boxes import RESIDENCE
 from cellmap.attractors.regions.trapping_boxes import is_trapped, trapped_boxes
 from cellmap.attractors.settling.residence import with_full_residence
-from cellmap.attractors.settling.settle import RESIDENCE, Catalogue, classify
+from cellmap.attractors.settling.settle import Catalogue, classify
 from cellmap.attractors.shortcuts.wandering import are_chaotic, representatives
 from cellmap.basins import load_basins, save_basins
 from cellmap.maps.point_map import PointMap
@@ -130,6 +131,6 @@ def test_labels_are_those_after_64_periods_and_times_not_later(ueda):
 def test_all_orbits_are_kept_where_some_are_not_chaotic_or_they_are_few(monkeypatch):
     points = wandering(HENON, 600)
     points[300:] = [0.631354477089505, 0.18940634312685142]  # the fixed point
-    monkeypatch.setattr(chaos, "_spectrum", None)  # no exponents are needed: it comes back to where it is
+    monkeypatch.setattr(chaos, "growth_along", None)  # no exponents are needed: it comes back to where it is
     assert not are_chaotic(HENON, points, np.ones(2))
     assert representatives(HENON, points[:300], np.ones(2)).tolist() == list(range(300))

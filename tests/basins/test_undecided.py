@@ -25,7 +25,7 @@ from cellmap.attractors.kinds import chaos
 from cellmap.attractors.kinds.chaos import Examination, examine
 from cellmap.attractors.kinds.equilibria import sticking_sets
 from cellmap.attractors.kinds.transients import Reason
-from cellmap.attractors.settling.settle import RESIDENCE
+from cellmap.attractors.regions.boxes import RESIDENCE
 from cellmap.basins import run
 from cellmap.basins.run import _REPEATS, Run
 from cellmap.orbits import Kind

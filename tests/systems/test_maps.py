@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, find_basins
-from cellmap.attractors.kinds.chaos import lyapunov_exponents
+from cellmap.attractors.kinds.exponents import Growing
 from systems import grebogi_ott_yorke_map, henon_map, logistic_map, mcdonald_map, standard_map
 
 
@@ -61,7 +61,7 @@ def test_the_exponent_and_the_density_of_the_logistic_map() -> None:
     """For mu = 4, ln 2 and 1/(pi sqrt(x (1 - x))), from initial conditions that have this density."""
     point_map = logistic_map()
     initial_conditions = np.sin(0.5 * pi * np.random.default_rng(0).uniform(0.0, 1.0, (1000, 1))) ** 2
-    exponents = lyapunov_exponents(point_map, initial_conditions, 200)[0]
+    exponents = Growing.along(point_map, initial_conditions, 200).exponents
     assert exponents.mean() == pytest.approx(log(2.0), abs=2e-3)
     cloud = np.sort(np.concatenate([point_map.iterate(initial_conditions, n).points[:, 0] for n in range(30, 50)]))
     fraction = np.arange(len(cloud)) / len(cloud)

@@ -12,7 +12,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 import systems
 from cellmap import ForcedSystem, stroboscopic_map
-from cellmap.attractors.kinds.chaos import lyapunov_exponents
+from cellmap.attractors.kinds.exponents import Growing
 from cellmap.maps import jacobian
 from systems import hill_equation, mathieu_equation
 
@@ -73,7 +73,7 @@ def test_the_exponents_of_uedas_attractor() -> None:
     """0.1034 and -0.1534 in the unit of t (Sprott, *Chaos and Time-Series Analysis*, 2003); the sum is -damping."""
     strobe = stroboscopic_map(systems.ueda_oscillator())
     initial_conditions = strobe.iterate(np.random.default_rng(0).uniform(-2.0, 2.0, (500, 2)), 50).points
-    exponents = lyapunov_exponents(strobe, initial_conditions, 300)[0] / (2.0 * pi)
+    exponents = Growing.along(strobe, initial_conditions, 300).exponents / (2.0 * pi)
     assert exponents.sum(axis=-1) == pytest.approx(-0.05, abs=1e-12)
     assert exponents.mean(axis=0) == pytest.approx([0.1034, -0.1534], abs=1e-3)
 

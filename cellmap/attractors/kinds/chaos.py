@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,31 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._lib.arrays import Bools, Floats, Ints, evenly
-from ...maps.coordinates import difference, turns_of, wrap
+from ...maps.coordinates import difference, turns_of
 from ...maps.orbit_batch import Orbits
 from ...maps.paths import path_of
 from ...maps.point_map import PointMap
-from ...maps.tangent import tangent
 from ...orbits.attractor import Attractor, Cover, Kind
 from ...orbits.invariant_circle import drift
-from ...orbits.lyapunov import stretched
-from ...orbits.lyapunov_qr import BLOCKS, is_positive
 from ...orbits.newton import resolution
 from ..matching import thinned
-from ..regions.boxes import boxes_around, boxes_of, distinct_boxes, inside_cover, moved_boxes
+from ..regions.boxes import BOXES, RESIDENCE, boxes_around, boxes_of, distinct_boxes, inside_cover, moved_boxes
 from ..regions.trapping_boxes import is_trapped, with_trapped_boxes
 from ..regions.tube import SAMPLED
-from ..settling.settle import RESIDENCE
 from .clouds import Clouds, pieces_of, recurrent_groups
 from .creeping import creeping
-from .leading_exponents import leading_exponents
+from .exponents import AT_LEAST, growth_along, mean_exponents, pooled
 from .transients import HALF, Late, Reason, follow_on
 
 EXPONENT_PERIODS = 300
 """Periods in which an orbit shows whether it is chaotic."""
-
-BOXES = 64
-"""Boxes along each axis of the bounding box of a sample of points."""
 
 _SAMPLE_PERIODS = 1000
 ORBITS = 32
@@ -47,12 +40,11 @@ _REPEATED = 16  # periods at least for which an orbit repeats itself: where erro
 _FINEST = 16  # times as many boxes along each axis where covers of two attractors hold the orbits of each other
 _KNOWN = 8192  # points of a known attractor that are compared
 _MARGIN = 0.1  # of a bounding box, at either side
-_VOLUMES = 8  # points of an orbit at which it is seen how volumes change, in more than four dimensions
-_ZERO = 0.01  # largest size of an exponent that may be zero
 MATURE = (
     256  # periods from which orbits may have come to a chaotic attractor, if a neighbourhood of it shows them there
 )
 _TOO_MANY = 3  # exponents that are zero on tori for which there is no trapping region
+_UNKNOWN = Reason.REGULAR, Reason.TORUS  # of orbits of which the sign of the largest exponent is not known
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +71,12 @@ def examine(
     """Find the chaotic attractors on which long-lived orbits move, and say why the other orbits are undecided.
 
     An orbit counts as chaotic where its largest Lyapunov exponent is positive, by five standard errors and more than
-    1e-3 for each step, and as one on an attractor where volumes are not preserved along it.  An orbit that returns to
-    where it was is on an unstable periodic orbit.  Orbits whose points are nearest neighbours of one another are on one
-    attractor, and so are those that go to and fro between two such sets.
+    regular motion may have, and as one on an attractor where volumes are not preserved along it.  Orbits of which some
+    periods do not tell the sign are followed for twice as long again and again, until it is known, or too small to show
+    at their age, or exponents have taken as many images of the map as all of the orbits have, and at least 200,000.
+
+    An orbit that returns to where it was is on an unstable periodic orbit.  Orbits whose points are nearest neighbours
+    of one another are on one attractor, and so are those that go to and fro between two such sets.
 
     At most 32 of the states (n, d), evenly spread, are followed, for five times the `age` in periods that they have,
     unless all of them are in a neighbourhood of one attractor that no orbit leaves, see :func:`trapped_boxes`, which is
@@ -93,19 +88,22 @@ def examine(
     """
     chosen = states[evenly(len(states), ORBITS)]
     reach = np.ones(point_map.dimension) if extent is None else extent
+    images = float(max(age * len(states), AT_LEAST))
     _, reasons = tested(point_map, chosen, reach, EXPONENT_PERIODS)
-    chaotic = reasons == Reason.TRANSIENT
+    chaotic, unknown = reasons == Reason.TRANSIENT, np.isin(reasons, _UNKNOWN)
     if not chaotic.any():
-        rows = np.flatnonzero(reasons == Reason.REGULAR)
+        rows = np.flatnonzero(unknown)
         few = point_map.dimension <= SAMPLED
-        if few and len(rows) and drift(point_map, chosen[rows[0]], reach) is not None:
+        resonant = few and len(rows) and drift(point_map, chosen[rows[0]], reach) is not None
+        if resonant:
             reasons[rows] = Reason.RESONANT
-        return Examination((), tuple(map(Reason, reasons)))
+        if resonant or not len(rows):
+            return Examination((), tuple(map(Reason, reasons)))
     if trapped and chaotic.all() and age >= MATURE and point_map.is_flow and point_map.dimension <= SAMPLED:
         found_early = _trapped(point_map, chosen, reach, known, late)
         if found_early is not None:
             return Examination((found_early,), ())
-    rows = np.flatnonzero(chaotic | (reasons == Reason.REGULAR))
+    rows = np.flatnonzero(chaotic | unknown | (reasons == Reason.LATE))
     followed = follow_on(point_map, chosen[rows], chaotic[rows], known, age)
     reasons[rows] = followed.reasons
     rows, orbit = rows[followed.lasting], followed.orbits
@@ -113,6 +111,10 @@ def examine(
         return Examination((), tuple(map(Reason, reasons)))
     # The exponents of an attractor are those of orbits that have come to it; transients have others.
     exponents, doubts = tested(point_map, orbit.points, reach, _SAMPLE_PERIODS)
+    for mine, known_exponents, sign in _sets(
+        point_map, orbit, np.flatnonzero(np.isin(doubts, _UNKNOWN)), reach, images, age
+    ):
+        exponents[mine], doubts[mine] = known_exponents, (Reason.LATE if sign < 0 else Reason.TRANSIENT)
     lasting = doubts == Reason.TRANSIENT
     reasons[rows[~lasting]] = doubts[~lasting]
     rows, orbit, exponents = rows[lasting], orbit[lasting], exponents[lasting]
@@ -122,8 +124,30 @@ def examine(
     if not len(rows):
         return Examination((), tuple(map(Reason, reasons)))
     paths = followed.path[:, lasting][:, alive], followed.transients
-    found, reasons[rows] = _distinguished(point_map, history, exponents, *paths, reach, known, late)
+    found, reasons[rows] = _distinguished(point_map, history, exponents, *paths, reach, known, late, images)
     return Examination(tuple(found), tuple(Reason(r) for r in reasons if r is not None))
+
+
+def _sets(
+    point_map: PointMap, orbits: Orbits, rows: Ints, extent: Floats, images: float, age: int
+) -> Iterator[tuple[Ints, Floats, int]]:
+    """Yield the orbits on one set, its exponents, and the sign of the largest, where all of these orbits tell it.
+
+    ``rows``: orbits that do not tell it one by one; those whose points are nearest neighbours are on one set.
+    """
+    orbits = orbits[rows]
+    history = path_of(point_map, orbits, _SAMPLE_PERIODS)
+    alive = np.flatnonzero(orbits.alive)
+    if not len(alive):
+        return
+    widths = lattice(history[:, alive].reshape(-1, point_map.dimension), point_map, extent)[1]
+    group = Clouds(point_map, list(history[:, alive].swapaxes(0, 1)), BOXES * widths).group
+    for g in np.unique(group):
+        mine = alive[group == g]
+        growth = growth_along(point_map, orbits.points[mine], extent, _SAMPLE_PERIODS)
+        exponents, sign = pooled(growth, images * len(mine) / len(alive), age)
+        if sign:
+            yield rows[mine], exponents, sign
 
 
 def _trapped(
@@ -159,7 +183,7 @@ def with_exponents(point_map: PointMap, attractor: Attractor, ends: Floats, exte
     exponents, doubts = tested(point_map, ends[evenly(len(ends), ORBITS)], extent, _SAMPLE_PERIODS)
     if (doubts != Reason.TRANSIENT).any():
         return None
-    return replace(attractor, exponents=-np.sort(-exponents, axis=-1).mean(axis=0))
+    return replace(attractor, exponents=mean_exponents(point_map, exponents, ends, _SAMPLE_PERIODS, extent, AT_LEAST))
 
 
 def _distinguished(
@@ -171,6 +195,7 @@ def _distinguished(
     extent: Floats,
     known: Sequence[Attractor],
     late: Late | None,
+    images: float = 0.0,
 ) -> tuple[list[Attractor], NDArray[Any]]:
     """Return the new attractors of chaotic orbits (periods, n, d), and for each orbit (n,) why it is on none, or None.
 
@@ -192,10 +217,10 @@ def _distinguished(
         else:
             groups.append(mine)
     for mine, cover in zip(*_apart(history, groups, lower, widths, point_map, extent), strict=True):
-        points, spectrum = history[:, mine].reshape(-1, point_map.dimension), -np.sort(-exponents[mine], axis=-1)
-        spectrum = spectrum if spectrum.shape[1] == point_map.dimension else spectrum[:, :1]
+        points = history[:, mine].reshape(-1, point_map.dimension)
+        spectrum = mean_exponents(point_map, exponents[mine], history[-1, mine], _SAMPLE_PERIODS, extent, images)
         resolved = _resolution(clouds, mine, cover)
-        found.append(aperiodic(Kind.CHAOTIC, points, spectrum.mean(axis=0), point_map, cover, resolution=resolved))
+        found.append(aperiodic(Kind.CHAOTIC, points, spectrum, point_map, cover, resolution=resolved))
     return found, reasons
 
 
@@ -222,8 +247,8 @@ def _fading(point_map: PointMap, clouds: Clouds, group: Ints, late: Late, known:
     place = clouds.place_of(pieces_of(point_map, half), group)
     rows = np.flatnonzero(place >= 0)
     if len(rows):
-        growth = _spectrum(point_map, half[rows], np.ones(point_map.dimension), HALF)[0].max(axis=-1)
-        rows = rows[growth > 0.0]  # others are on their way to an attractor beside the sample
+        growth = growth_along(point_map, half[rows], np.ones(point_map.dimension), HALF)
+        rows = rows[growth.largest[0] > 0.0]  # others are on their way to an attractor beside the sample
     return np.unique(place[rows])
 
 
@@ -232,7 +257,7 @@ def tested(
 ) -> tuple[Floats, NDArray[Any]]:
     """Return the exponents of orbits (n, d), and what these say of each (n,): TRANSIENT where it is chaotic.
 
-    Exponents of at most 0.01 that are not surely positive count as zero, as they are on a torus.
+    Those whose largest exponent is negative are LATE.  Exponents that are not surely of one sign count as zero.
 
     Those of an orbit that comes back to where it was are not computed: it is on a cycle whatever they are.  Neither are
     those of one that creeps to rest.  If nothing but `unanimous` chaos counts, none are where there is such an orbit:
@@ -240,19 +265,21 @@ def tested(
     """
     back, creeps = returns(point_map, points, extent), creeping(point_map, points, extent).found
     exponents = np.full((len(points), min(points.shape[1], SAMPLED)), np.nan)
-    errors, rates = np.full(len(points), np.nan), np.full(len(points), np.nan)
-    moving = ~back & ~creeps
-    if moving.all() or (moving.any() and not unanimous):
-        exponents[moving], errors[moving], rates[moving] = _spectrum(point_map, points[moving], extent, periods)
+    errors, rates, signs = np.full(exponents.shape, np.nan), np.full(len(points), np.nan), np.zeros(len(points))
+    moving = np.flatnonzero(~back & ~creeps)
+    if len(moving) == len(points) or (len(moving) and not unanimous):
+        growth = growth_along(point_map, points[moving], extent, periods)
+        rates[moving] = growth.volumes(points[moving])
+        exponents[moving], errors[moving], signs[moving] = growth.exponents, growth.errors, growth.signs
     with np.errstate(invalid="ignore"):
-        chaotic = is_positive(exponents.max(axis=-1), errors)
         shrinking = np.abs(rates) > 1e-6
-        zeros = (np.abs(exponents) <= _ZERO).sum(axis=-1)
+        zeros = (np.abs(exponents) <= 5.0 * errors).sum(axis=-1)
     reasons = np.full(len(points), Reason.REGULAR, object)
     reasons[zeros >= _TOO_MANY] = Reason.TORUS
+    reasons[signs < 0] = Reason.LATE
     reasons[~shrinking] = Reason.PRESERVED
-    reasons[chaotic] = Reason.TRANSIENT
-    reasons[chaotic & ~shrinking] = Reason.CONSERVATIVE
+    reasons[signs > 0] = Reason.TRANSIENT
+    reasons[(signs > 0) & ~shrinking] = Reason.CONSERVATIVE
     reasons[np.isnan(exponents).any(axis=-1)] = Reason.ENDING
     reasons[back] = Reason.PERIODIC
     reasons[creeps] = Reason.CREEPING  # so slowly that some of them seem to have come back
@@ -275,46 +302,6 @@ def returns(point_map: PointMap, states: Floats, extent: Floats) -> Bools:
         apart = difference(path[period:, k], path[:-period, k], point_map.coordinates)
         found[rows[k]] = (np.abs(apart[: max(period, _REPEATED)]) <= near[rows[k]]).all()
     return found
-
-
-def _spectrum(point_map: PointMap, points: Floats, extent: Floats, periods: int) -> tuple[Floats, Floats, Floats]:
-    """Return exponents per step (n, k) along orbits, standard errors (n,) of the largest, and rates (n,) of volumes.
-
-    In more than four dimensions these are the largest four, from orbits beside others, and the rates are those at a few
-    points: all of them would cost as much as hundreds of orbits.
-    """
-    exact = point_map.without_table
-    if exact.dimension <= SAMPLED:
-        exponents, errors = lyapunov_exponents(exact, points, periods)
-        return exponents, errors, exponents.sum(axis=-1)
-    exponents, errors = leading_exponents(exact, wrap(points, exact.coordinates), extent, periods)
-    rates, here = np.zeros(len(points)), Orbits.starting(wrap(points, exact.coordinates))
-    for _ in range(_VOLUMES):
-        places = np.where(here.alive[:, None], here.points, 0.0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            rates += np.linalg.slogdet(tangent(exact, places, coarse=True)[1])[1] / _VOLUMES
-        exact.advance(here, 1)
-    return exponents, errors, rates
-
-
-def lyapunov_exponents(point_map: PointMap, initial_conditions: Floats, periods: int) -> tuple[Floats, Floats]:
-    """Return the exponents per step (n, d) along orbits and the standard error (n,) of the largest; NaN where one ends.
-
-    Their order is that of the axes of the frame that is carried along: the largest comes first unless an orbit sits
-    where the map keeps the axes.
-    """
-    exact = point_map.without_table
-    orbits = Orbits.starting(wrap(initial_conditions, exact.coordinates))
-    frames = np.broadcast_to(np.eye(exact.dimension), (*initial_conditions.shape, exact.dimension)).copy()
-    length = periods // BLOCKS
-    growth = np.array([stretched(exact, orbits, frames, length) for _ in range(BLOCKS)])
-    total = growth.sum(axis=0) + stretched(exact, orbits, frames, periods - BLOCKS * length)
-    with np.errstate(invalid="ignore"):  # a vanishing derivative has an infinite logarithm
-        errors = (growth / length).std(axis=0, ddof=1) / np.sqrt(BLOCKS)
-    total[~orbits.alive] = errors[~orbits.alive] = np.nan
-    exponents = total / periods
-    largest = np.argmax(np.where(np.isnan(exponents), -np.inf, exponents), axis=-1)
-    return exponents, np.take_along_axis(errors, largest[:, None], axis=-1)[:, 0]
 
 
 def lattice(points: Floats, point_map: PointMap, extent: Floats) -> tuple[Floats, Floats]:

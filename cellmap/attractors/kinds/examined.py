@@ -14,6 +14,7 @@ from ...orbits.newton import newton, resolution, return_distances
 from ..regions.extents import extent_of_motion, region_extent, ways_of
 from ..regions.tube import SAMPLED
 from ..settling.escape import escape_on, far_bound
+from .exponents import AT_LEAST
 from .recurrence import CLOSED
 
 LOOKED_AT = 256
@@ -23,8 +24,7 @@ _REPRESENTATIVES = 8  # end points that are refined at a time because they lie f
 _SETTLING = 16  # ends that come back closest, among which as many are chosen
 _RETURNS = 4  # likely periods tried for each of them, besides 1,
 _SLOW = 1e-3  # unless it moves by less than this part of the extent in a period, and ever farther
-_IMAGES = 1500  # of the map, for each state where orbits begin, that a search may take besides following them,
-_AT_LEAST = 200_000  # and for all of few states
+_IMAGES = 1500  # of the map, for each state where orbits begin, that a search may take besides following them
 _RETURNED = 0.2  # if they bring it back to within this part of the extent, or where derivatives cost more than periods,
 _CLOSE = 1e-3  # within this one
 _SAME = 1e-4  # part of the extent in which ends that have closed are on one orbit
@@ -66,7 +66,7 @@ class Examined:
         """Begin a search in a region, shown by some of its points, from some states."""
         ways, path = ways_of(point_map, states)
         empty = cls.nothing_yet(point_map, region_extent(point_map, region, ways))
-        bound, images = far_bound(point_map, region), float(max(_IMAGES * len(states), _AT_LEAST))
+        bound, images = far_bound(point_map, region), float(max(_IMAGES * len(states), AT_LEAST))
         return replace(empty, ways=ways, images=images, bound=bound if escape_on(path, bound) else None)
 
     def afford(self, images: int) -> bool:

@@ -25,14 +25,14 @@ from ...orbits.newton import newton, stable_orbit
 from ..regions.boxes import inside_cover
 from ..regions.lyapunov_regions import Afford, always
 from ..regions.tube import DENSE, FIRST_FACTOR, MOST_STEPS, SAMPLED, Curves, DenseTorus, cover_of_tube, verified_tube
-from .chaos import aperiodic, lyapunov_exponents
+from .chaos import aperiodic
 from .creeping import creeping
+from .exponents import Growing
 from .recurrence import recurrent_attractors
 
 _ORBITS = 4  # tried in one look
 _EXPONENT_PERIODS = 500
 _VOLUME_PERIODS = 128
-_ZERO = 0.01  # largest size of an exponent that may be zero
 _GOLDEN = 0.5 * (sqrt(5.0) - 1.0)  # steps of an autonomous system that resonate with its cycle by chance only
 _CLOSED = 1e-6  # distance, in units of the cycle's size, from which an orbit is closed
 _TURNS = 64  # of a limit cycle in one step, at most
@@ -144,8 +144,10 @@ def _on_curves(exact: PointMap, state: Floats, extent: Floats, age: int, found: 
     cover = None if tube is None else cover_of_tube(curves, tube)
     if cover is None:
         return None
-    exponents = np.sort(lyapunov_exponents(exact, points[0, :1], _EXPONENT_PERIODS)[0][0])[::-1]
-    if abs(exponents[0]) > _ZERO:
+    growth = Growing.along(exact.without_table, points[0, :1], _EXPONENT_PERIODS)
+    order = np.argsort(-growth.exponents[0])
+    exponents, zero = growth.exponents[0, order], growth.zero[0, order]
+    if not zero[0]:
         return None
     kept = points[:, :: max(1, DENSE * len(points) // _SAMPLE)].reshape(-1, exact.dimension)
     return aperiodic(Kind.QUASIPERIODIC, kept, exponents, exact, cover, circle=circle)
@@ -153,8 +155,10 @@ def _on_curves(exact: PointMap, state: Floats, extent: Floats, age: int, found: 
 
 def _on_torus(exact: PointMap, state: Floats, extent: Floats) -> Attractor | None:
     """Return the torus of two frequencies to which an orbit has come, verified to attract."""
-    exponents = np.sort(lyapunov_exponents(exact, state[None], _EXPONENT_PERIODS)[0][0])[::-1]
-    if not (np.abs(exponents[:2]) <= _ZERO).all() or not exponents[2] < -_ZERO:
+    growth = Growing.along(exact.without_table, state[None], _EXPONENT_PERIODS)
+    order = np.argsort(-growth.exponents[0])
+    exponents, zero = growth.exponents[0, order], growth.zero[0, order]
+    if not zero[:2].all() or zero[2] or exponents[2] > 0.0:
         return None
     torus = fitted_torus(exact, state)
     if torus is None:

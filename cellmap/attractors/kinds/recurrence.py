@@ -17,7 +17,7 @@ from ..regions.hulls import Hulls, surface_points
 from ..regions.lyapunov_regions import Afford, always
 from ..settling.quotients import quotient_by
 from ..settling.settle import Catalogue
-from .leading_exponents import FRAME, GROWING, leading_exponents
+from .exponents import FRAME, GROWING, Growing
 from .time_averages import LONGEST, PERIODS, Averages, Paths, paths_of, spread_of
 
 _SAME = 0.02  # difference of averages of orbits on one attractor, in units of an orbit's size
@@ -25,7 +25,6 @@ _WIDTHS = (0.02, 0.0025, 0.0003)  # of regions where an attractor has none, in u
 _BESIDE = 4  # orbits that begin in a region
 _AVERAGED, _RETURNING = 128, 128  # periods over which their averages are taken, twice, and those between
 _CLOSER = 0.5  # factor by which averages have to come closer meanwhile where an attractor attracts slowly
-_ZERO = 0.01  # largest size of an exponent that may be zero
 _BALL = 1e-4  # radius around a cycle that nothing verifies, in units of the region
 
 CLOSED = 1e-6
@@ -46,11 +45,11 @@ def recurrent_attractors(
     They are followed for as long again, and for 512 periods more.  One whose time averages over both halves of these
     are the same is regular, and if `slow` ones are looked for, so is one for which this holds in up to 4,096 periods;
     those with the same averages are on one attractor.  It is quasi-periodic where its largest Lyapunov exponent is zero
-    within 0.01 and one of the next ones is negative, as seen from orbits beside it (Benettin, Galgani, Strelcyn 1976),
-    four of them, or twice as many again as long as all exponents are zero.  Its region are ellipsoids of its pieces, or
-    of sectors of an angle that makes full rotations.  Four orbits that begin at the surface of the region must have the
-    same averages in the end, or come closer to them; else it becomes narrower.  Where one cannot `afford` these, the
-    region is the narrowest.
+    within its error and one of the next ones is negative, as seen from orbits beside it (Benettin, Galgani, Strelcyn
+    1976), four of them, or twice as many again as long as all exponents are zero.  Its region are ellipsoids of its
+    pieces, or of sectors of an angle that makes full rotations.  Four orbits that begin at the surface of the region
+    must have the same averages in the end, or come closer to them; else it becomes narrower.  Where one cannot `afford`
+    these, the region is the narrowest.
 
     The region is not a trapping region: nothing verifies that no orbit leaves it, and its `contraction` is 1.  All this
     takes some thousand images for each attractor, in any number of dimensions.
@@ -99,10 +98,10 @@ def _exponents(exact: PointMap, states: Floats, extent: Floats, afford: Afford) 
     found, attracts = np.full((len(states), 1), np.nan), np.zeros(len(states), bool)
     left, directions = np.arange(len(states)), FRAME
     while len(left):
-        exponents, _ = leading_exponents(exact, states[left], extent, directions=directions)
-        zero, shrinking = np.abs(exponents[:, 0]) <= _ZERO, exponents.min(axis=1) < -_ZERO
-        found[left, 0], attracts[left] = exponents[:, 0], zero & shrinking
-        left, directions = left[(np.abs(exponents) <= _ZERO).all(axis=1)], 2 * directions
+        growth = Growing.along(exact, states[left], GROWING, extent, directions)
+        zero, shrinking = growth.zero, (~growth.zero & (growth.exponents < 0.0)).any(axis=1)
+        found[left, 0], attracts[left] = growth.exponents[:, 0], zero[:, 0] & shrinking
+        left, directions = left[zero.all(axis=1)], 2 * directions
         if directions >= 2 * exact.dimension or not afford(len(left) * (directions + 1) * GROWING):
             break
     return found, attracts

@@ -17,14 +17,15 @@ from ...maps.paths import path_of
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor, Kind
 from ..labels import Label
+from ..regions.boxes import RESIDENCE, full_residence
 from ..settling.residence import with_full_residence
-from ..settling.settle import RESIDENCE, Catalogue, settle
+from ..settling.settle import Catalogue, settle
 
 HALF = RESIDENCE // 2
 """Periods after half of its way to an attractor in which an orbit is seen to be chaotic or not."""
 
 _ENDURANCE = 5  # times its age that a chaotic orbit has to last on
-_RECOGNISED = 4 * RESIDENCE  # and periods in which one on a known chaotic attractor is seen to stay there
+_RECOGNISED = 4  # times the periods that it takes on a known attractor, in which it is seen to stay there
 _STRETCH = 256  # periods between looks
 _EARLY = 0.25  # of the periods, in which orbits may still be on their way
 _PLACES = 16  # of each orbit, that are kept
@@ -44,7 +45,7 @@ class Reason(StrEnum):
     TORUS = "three or more Lyapunov exponents are nearly zero: slow convergence, or a torus of as many frequencies"
     CONSERVATIVE = "chaotic, but volumes do not shrink"
     TRANSIENT = "chaotic transient"
-    KNOWN = f"on a known chaotic attractor, for less than {RESIDENCE} periods"
+    KNOWN = "on a known chaotic attractor, for too few periods so far"
     VISITING = "visits a known chaotic attractor without staying"
 
 
@@ -112,7 +113,8 @@ class FollowedOn:
 
     ``reasons`` (n,): why each is undecided, unless it is lasting; ``lasting``: rows of the orbits that end on no known
     attractor, ``orbits``: their states; ``path`` (times, n, dimension): where they were at some times before;
-    ``transients`` (n, periods, dimension): points of those that came to a known chaotic attractor late, before that.
+    ``transients`` (n, periods, dimension): points, before that, of those that came late to a known attractor, if this
+    is chaotic or they did not seem so.
     """
 
     reasons: NDArray[Any]
@@ -130,7 +132,7 @@ def follow_on(point_map: PointMap, points: Floats, chaotic: Bools, known: Sequen
     """
     catalogue = Catalogue.of(with_full_residence(known), point_map)
     strange = np.array([k for k, a in enumerate(known) if a.kind is Kind.CHAOTIC], np.int64)
-    periods = max(_ENDURANCE * age, _RECOGNISED if len(strange) else 0)
+    periods = max([_ENDURANCE * age, *(_RECOGNISED * full_residence(known[k]) for k in strange)])
     owners, times = np.full(len(points), Label.UNDECIDED), np.full(len(points), -1)
     lasting, orbits, path = np.arange(len(points)), Orbits.starting(points.copy()), list[Floats]()
     for begin in range(0, periods, _STRETCH):
@@ -148,7 +150,7 @@ def follow_on(point_map: PointMap, points: Floats, chaotic: Bools, known: Sequen
     reasons[chaotic | (owners == Label.UNDECIDED)] = Reason.TRANSIENT
     resident = np.isin(owners, strange)
     reasons[resident] = np.where(times[resident] < RESIDENCE, Reason.KNOWN, Reason.TRANSIENT)
-    late = resident & (times >= RESIDENCE)
+    late = (resident | (~chaotic & (owners >= 0))) & (times >= RESIDENCE)
     before = path_of(point_map, Orbits.starting(points[late].copy()), RESIDENCE - 1)
     kept = np.unique(np.linspace(_EARLY * len(path), len(path), _PLACES).round().astype(np.int64))[:-1]
     places = [*(path[k][lasting] for k in kept), orbits.points]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import prod
+from math import ceil, log, prod
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,13 @@ import numpy as np
 from ..._lib.arrays import Bools, Floats, Ints
 from ...maps.coordinates import turns_of, wrap
 from ...maps.point_map import PointMap
-from ...orbits.attractor import Cover
+from ...orbits.attractor import Attractor, Cover, Kind
+
+BOXES = 64
+"""Boxes along each axis of the bounding box of a sample of points."""
+
+RESIDENCE = 64
+"""Consecutive periods inside the cover of an attractor after which an orbit counts as converged, at least."""
 
 
 def inside_cover(cover: Cover, points: Floats, point_map: PointMap, keys: Ints | None = None) -> Bools:
@@ -82,3 +88,14 @@ def tree_of(points: Floats, size: Floats, point_map: PointMap) -> Any:
     from scipy.spatial import KDTree
 
     return KDTree(in_units(points, size, point_map), boxsize=turns_of(point_map.coordinates)[1] / size)
+
+
+def full_residence(attractor: Attractor) -> int:
+    """Return the periods inside the cover of an attractor after which an orbit has converged, whatever others do.
+
+    On a chaotic one they are no fewer than an error takes to grow from a box to the size of the attractor: before, an
+    orbit has not been all over it, and may only pass by.
+    """
+    if attractor.kind is not Kind.CHAOTIC or not attractor.exponents[0] > 0.0:
+        return RESIDENCE
+    return max(RESIDENCE, ceil(log(BOXES) / attractor.exponents[0]))

@@ -10,8 +10,9 @@ from ..._lib.stopping import Stop
 from ...maps.orbit_batch import Orbits
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor, Kind
+from ..regions.boxes import full_residence
 from ..regions.trapping_boxes import is_trapped, with_trapped_boxes
-from .settle import RESIDENCE, Catalogue, settle_on_threads
+from .settle import Catalogue, settle_on_threads
 
 OBSERVED = 2048
 """Initial conditions whose orbits show how long those stay that leave; some times as many have to be labelled."""
@@ -48,9 +49,9 @@ def with_residence(
     """Return attractors, the chaotic ones with the periods after which an orbit among their boxes is on them.
 
     Orbits of points (n, dimension), a sample of initial conditions, are followed until they have been among the boxes
-    for 64 periods in a row, have come to another attractor, or have ended.  Stays of orbits that only pass by become
-    rare exponentially with their length: if the longest of n lasts L periods, one of 2 L has a probability near 1/n^2.
-    An orbit that stays for 2 L + 8 periods, 64 at most, counts as converged.
+    for 64 periods in a row, or more where chaos is weak, have come to another attractor, or have ended.  Stays of
+    orbits that only pass by become rare exponentially with their length: if the longest of n lasts L periods, one of
+    2 L has a probability near 1/n^2.  An orbit that stays for 2 L + 8 periods, or as many as these, has converged.
 
     Of flows, boxes in which orbits have converged at once are looked for first; none is followed if all have some.
     """
@@ -61,6 +62,6 @@ def with_residence(
     settled = settle_on_threads(point_map, Orbits.starting(points), catalogue, periods, stop=stop)
     for (number, cover, _), longest in zip(catalogue.covers, settled.stays.tolist(), strict=True):
         if found[number].kind is Kind.CHAOTIC:
-            residence = min(_TIMES * longest + _MORE, RESIDENCE)
+            residence = min(_TIMES * longest + _MORE, full_residence(found[number]))
             found[number] = replace(found[number], cover=replace(cover, residence=residence))
     return tuple(found)

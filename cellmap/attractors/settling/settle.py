@@ -22,13 +22,10 @@ from ...maps.orbit_batch import CHUNK, NOTHING, PERIODS_AT_ONCE, Orbits, Status,
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor, Cover
 from ..labels import LABELS_OF, Label, label_type
-from ..regions.boxes import box_keys, boxes_around
+from ..regions.boxes import box_keys, boxes_around, full_residence
 from ..regions.sieves import sieve_of
 from .escape import beyond, escape
 from .quotients import Quotient, quotient_by
-
-RESIDENCE = 64
-"""Consecutive periods inside the cover of a chaotic attractor after which an orbit counts as converged, at most."""
 
 _PART = 128  # orbits of a thread at a time, where few are followed
 _OLDER = 1.25  # times as old orbits are when it is looked again which of them have escaped
@@ -73,7 +70,7 @@ class Catalogue:
                 np.array([k for k, n in regions for _ in n.centres], np.int64),
             ),
             covers,
-            _boxes(covers, turn),
+            _boxes(covers, [full_residence(a) for a in attractors], turn),
             turn,
         )
 
@@ -111,7 +108,7 @@ class Catalogue:
         return replace(self, regions=self.regions._replace(metrics=metrics))
 
 
-def _boxes(covers: Sequence[tuple[int, Cover, Ints]], turn: Floats) -> Covers:
+def _boxes(covers: Sequence[tuple[int, Cover, Ints]], residence: Sequence[int], turn: Floats) -> Covers:
     """Return covers one behind the other in arrays."""
     d = len(turn)
     corners = np.array([cover.corners for _, cover, _ in covers], np.int64).reshape(-1, 2, d)
@@ -128,7 +125,7 @@ def _boxes(covers: Sequence[tuple[int, Cover, Ints]], turn: Floats) -> Covers:
         keys=np.concatenate([np.empty(0, np.int64), *(keys for _, _, keys in covers)]),
         resting=np.array([cover.certain is not None for _, cover, _ in covers], bool),
         certain=np.concatenate([np.empty(0, bool), *certain]),
-        residence=np.array([cover.residence or RESIDENCE for _, cover, _ in covers], np.int64),
+        residence=np.array([cover.residence or residence[k] for k, cover, _ in covers], np.int64),
     )
 
 
