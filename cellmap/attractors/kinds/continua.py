@@ -21,7 +21,7 @@ from ...orbits.newton import resolution
 from ..matching import thinned
 from ..regions.boxes import boxes_around, boxes_of, distinct_boxes, inside_cover, moved_boxes
 from ..regions.tube import Curves, Tube, cover_of_tube, doubled
-from .neutral_segments import DENSE, densely, traced
+from .neutral_segments import DENSE, densely, fades, traced
 
 _LOOKED_AT = 1024  # orbits that are tested for having closed
 _FEWER = 256  # those for long periods
@@ -142,6 +142,8 @@ def _explored(exact: PointMap, place: Floats, period: int, extent: Floats) -> tu
     if curve is None:
         return None, place[None]
     points, matrix, closed = curve
+    if not closed and fades(exact, points, period, extent):
+        return None, points
     dense = densely(points, exact, extent, closed)
     size = extent * min(1.0, float(np.abs(difference(dense, dense[0], exact.coordinates) / extent).max()))
     segments = [Segment(exact, dense, size, closed)]

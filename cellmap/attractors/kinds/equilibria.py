@@ -28,6 +28,7 @@ from ..regions.boxes import (
     tree_of,
     wrapped_boxes,
 )
+from .neutral_segments import fades
 
 _PROBE = 1e-7  # distance at which the neighbours of an equilibrium are tried, in units of the extent,
 _RESOLVED = 1e4 * AT_REST  # or of the resolution, where they would not be seen to move in a smaller region
@@ -114,6 +115,8 @@ def _explored(exact: PointMap, place: Floats, extent: Floats, region: Floats) ->
     widths = np.where(turn > 0, turn / np.maximum(around, 1), widths)
     boxes = _flooded(exact, place, widths, around, wide, extent, region)
     centres = wrap(place + boxes * widths, exact.coordinates)
+    if fades(exact, centres, 1, extent):
+        return None
     with np.errstate(divide="ignore"):
         exponents = np.log(np.abs(multipliers))
     sample = centres[evenly(len(centres), _SAMPLE)]

@@ -10,7 +10,7 @@ from ..._lib.arrays import Floats
 from ..._lib.stopping import check_stop
 from ..._lib.threads import results_of
 from ...maps.coordinates import difference, wrap
-from ...maps.point_map import PointMap
+from ...maps.point_map import PointMap, follow
 from ...maps.tangent import tangent
 from ...orbits.multipliers import multipliers_of
 from ...orbits.newton import resolution
@@ -27,6 +27,9 @@ _FARTHEST = 2.0  # from where an orbit has come to rest, in extents of the regio
 _MOST_POINTS = 512  # of a segment
 _TURNING = 6  # points after which a curve may have come back to the first of them
 _SHORTEST = 0.5**20  # step, in extents of the region
+_BEYOND = (1.0, 1.5, 2.0)  # distances from the middle, in units of that of an end, at which orbits move
+_RELAXING = 64  # periods of the cycle in which they come to the line along which they do
+_AS_FORESEEN = 0.1  # least part of the move at an end that a power of the distance foresees
 _END = 0.5**12  # of the length of a segment to which its ends are found
 
 
@@ -112,3 +115,27 @@ def densely(points: Floats, exact: PointMap, extent: Floats, closed: bool = Fals
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps / extent, axis=1))])
     where = np.linspace(0.0, length[-1], DENSE, endpoint=not closed)
     return wrap(np.stack([np.interp(where, length, column) for column in path.T], axis=-1), exact.coordinates)
+
+
+def fades(exact: PointMap, points: Floats, period: int, extent: Floats) -> bool:
+    """Tell whether some periodic points are no continuum, but places around one at which orbits hardly move.
+
+    Beside a point whose multiplier is exactly 1 orbits move by a power of their distance from it, which is rounding up
+    to where the points seem to end.  A continuum ends by a jump or a fold, or orbits move beyond its end by much more
+    than that power says.
+    """
+    away = difference(points, points[len(points) // 2], exact.coordinates) / extent
+    axis = np.linalg.svd(away, full_matrices=False)[2][0]
+    middle = 0.5 * (away[(away @ axis).argmin()] + away[(away @ axis).argmax()])
+    for end in (away[(away @ axis).argmin()], away[(away @ axis).argmax()]):
+        far = np.outer(_BEYOND, end - middle) + middle
+        places = wrap(points[len(points) // 2] + far * extent, exact.coordinates)
+        there = follow(exact, places, _RELAXING * period).points
+        moves = difference(follow(exact, there, period).points, there, exact.coordinates) / extent
+        length, (at_end, near, beyond) = np.linalg.norm(end - middle), np.linalg.norm(moves, axis=1)
+        if not 0.0 < near < beyond <= (1.0 - _CONTRACTING) * length:
+            continue
+        power = np.log(beyond / near) / np.log(_BEYOND[2] / _BEYOND[1])
+        if at_end >= _AS_FORESEEN * beyond * _BEYOND[2] ** -power:
+            return True
+    return False
