@@ -10,7 +10,7 @@ import numpy as np
 
 from .._lib.arrays import Floats, evenly
 from .._lib.checks import warn_caller
-from ..attractors.kinds.creeping import creeping
+from ..attractors.kinds.creeping import creeping, orders_of
 from ..attractors.kinds.transients import REMEDIES, Reason
 from ..attractors.kinds.transients import UnsettledWarning as UnsettledWarning
 from ..attractors.labels import LABEL_NAMES, Label
@@ -69,7 +69,8 @@ def _doubts(basins: Basins, parts: Mapping[int, float]) -> Iterator[str]:
     if Label.UNDECIDED in parts and basins.undecided:
         cause, count = max(basins.undecided.items(), key=lambda item: item[1])
         examined, remedy = sum(basins.undecided.values()), REMEDIES[Reason(cause)]
-        measured = {Reason.CREEPING: _creep, Reason.RESONANT: _drift}.get(Reason(cause), lambda _: "")(basins)
+        ways = {Reason.CREEPING: _creep, Reason.FADING: _fade, Reason.RESONANT: _drift}
+        measured = ways.get(Reason(cause), lambda _: "")(basins)
         yield (
             f"{parts[Label.UNDECIDED]:.1%} of the initial conditions are undecided: {count} of {examined} examined: "
             f"{cause}{measured}; {remedy.format(basins.settings['max_periods'])}{turning}"
@@ -124,7 +125,16 @@ def _creep(basins: Basins) -> str:
     known, names = owners[owners >= 0], distinct_names(basins.attractors)
     where = f", many of them towards {names[np.bincount(known).argmax()]}" if len(known) else ""
     moves = np.median(slow.moves[slow.found])
-    return f", by about {moves:.1g} in a period{where}"
+    return f", by about {moves:.1g} in a period{_fade(basins)}{where}"
+
+
+def _fade(basins: Basins) -> str:
+    """Tell how fast some of the undecided orbits approach a cycle: like 1/n to some power after n periods."""
+    if basins.point_map is None:
+        return ""
+    orbits, extent = _undecided(basins, basins.point_map)
+    orders = orders_of(basins.point_map.without_table, orbits.points[orbits.alive], extent)
+    return f", like n^-{np.nanmedian(orders):.2g}" if np.isfinite(orders).any() else ""
 
 
 def _drift(basins: Basins) -> str:

@@ -59,7 +59,9 @@ def test_edges_that_repel_hold_nothing() -> None:
 
 def test_the_warning_says_how_far_orbits_move() -> None:
     """After 300 steps x is 1/sqrt(600 + x0^-2), and moves by x^3: 6 to 7 millionths."""
-    with pytest.warns(UnsettledWarning, match=r"ever more slowly, by about 6e-05 in a period; raise max_periods=300"):
+    with pytest.warns(
+        UnsettledWarning, match=r"creep .* by about 6e-05 in a period, like n\^-0.5; raise max_periods=300"
+    ):
         find_basins(NEUTRAL, CellGrid((-0.5,), (0.5,), (64,)), 300)
 
 

@@ -201,7 +201,7 @@ def test_weakly_attracting_cycles_close_to_a_flip():
     [
         (lambda x, p: (2.0 * x[0] + 1.0,), "3 diverged; take initial conditions whose orbits stay"),
         (lambda x, p: (-x[0],), "3 undecided; 3 of 3 examined: on a periodic orbit that is not verified"),
-        (lambda x, p: (x[0] - x[0] ** 3,), "creep to rest, ever more slowly; raise max_periods=2000"),
+        (lambda x, p: (x[0] - x[0] ** 3,), "approach a cycle with a multiplier of 1 or -1, by a power of time; move"),
     ],
 )
 def test_a_search_that_finds_nothing_says_why(function, cause) -> None:

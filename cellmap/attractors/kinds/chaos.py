@@ -23,7 +23,7 @@ from ..regions.boxes import BOXES, RESIDENCE, boxes_around, boxes_of, distinct_b
 from ..regions.trapping_boxes import is_trapped, with_trapped_boxes
 from ..regions.tube import SAMPLED
 from .clouds import Clouds, pieces_of, recurrent_groups
-from .creeping import creeping
+from .creeping import creeping, orders_of
 from .exponents import AT_LEAST, growth_along, mean_exponents, pooled
 from .transients import HALF, Late, Reason, follow_on
 
@@ -92,6 +92,9 @@ def examine(
     _, reasons = tested(point_map, chosen, reach, EXPONENT_PERIODS)
     chaotic, unknown = reasons == Reason.TRANSIENT, np.isin(reasons, _UNKNOWN)
     if not chaotic.any():
+        rows = np.flatnonzero(unknown | (reasons == Reason.LATE))
+        reasons[rows[np.isfinite(orders_of(point_map.without_table, chosen[rows], reach))]] = Reason.FADING
+        unknown &= reasons != Reason.FADING
         rows = np.flatnonzero(unknown)
         few = point_map.dimension <= SAMPLED
         resonant = few and len(rows) and drift(point_map, chosen[rows[0]], reach) is not None

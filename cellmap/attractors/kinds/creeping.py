@@ -25,6 +25,10 @@ _SLOW = 1e-4  # largest move in a period, in units of the region, and
 _NEAR = 0.02  # of all moves that are still ahead
 _POWERS = (1.0, 1.5, 2.0, 3.0)  # the way ahead, in units of what it is where moves shrink by the same factor
 _RELAXING = 64  # periods in which an orbit from where it would rest comes to the curve along which it creeps
+_LAP, _APART = 48, 208  # periods of which moves are compared, and periods between them
+_LESS = 1.01  # times as long as the last is the first of five, if it is seen how they fall
+_ORDERS = np.linspace(1.01, 2.2, 120)  # by which they may: 2 beside a fold, less beside points of higher order
+_ALIKE = 0.1  # difference of the order in the first half of the time from that in the second
 _STILL = 0.1  # largest move of the place where an orbit would rest, in units of the move of the orbit
 _BEYOND = (3.0, 6.0, 1.5)  # ways to places in a continuum beyond that, in the same units,
 _COMING = 256  # periods in which they come to it,
@@ -98,6 +102,28 @@ def _ways(point_map: PointMap, states: Floats, size: Floats) -> _Ways:
         slow = (np.abs(moves).max(axis=1) <= _SLOW) & (ahead <= _NEAR)
         slow &= (lasting > _SEEN) & (lasting < lengths) & straight
     return _Ways(moves, first, lengths, ahead, slow)
+
+
+def orders_of(point_map: PointMap, states: Floats, extent: Floats) -> Floats:
+    """Return the powers of 1/n by which orbits from some states (n, d) approach a cycle, NaN for those that do not.
+
+    Beside a cycle with a multiplier of 1 or -1 they move less and less in some periods, by a power of the time that has
+    passed since some beginning: 1.5 where the distance falls like its square root.  It is the same power in the first
+    half of the time that is looked at as in the second.
+    """
+    here, ways = states, []
+    for _ in range(5):
+        after = _moved(point_map, here, _LAP)
+        ways.append(np.linalg.norm(difference(after, here, point_map.coordinates) / extent, axis=1))
+        here = _moved(point_map, after, _APART)
+    moves = np.array(ways)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        falls = (moves[1:] < moves[:-1]).all(axis=0) & (moves[4] > _SEEN) & (moves[0] > _LESS * moves[4])
+        way = moves ** (-1.0 / _ORDERS[:, None, None])
+        bends = way[:, :3:2] + way[:, 2::2] - 2.0 * way[:, 1::2]
+    falls &= (bends[0] > 0.0).all(axis=0) & (bends[-1] < 0.0).all(axis=0)
+    early, late = _ORDERS[(bends < 0.0).argmax(axis=0)]
+    return np.where(falls & (np.abs(early - late) < _ALIKE), 0.5 * (early + late) - 1.0, np.nan)
 
 
 def drawn_to(point_map: PointMap, states: Floats, attractors: Sequence[Attractor]) -> Ints:

@@ -10,7 +10,9 @@ from ..._lib.arrays import Floats
 from ..._lib.stopping import check_stop
 from ..._lib.threads import results_of
 from ...maps.coordinates import difference, wrap
-from ...maps.point_map import PointMap, follow
+from ...maps.orbit_batch import Orbits
+from ...maps.paths import path_of
+from ...maps.point_map import PointMap
 from ...maps.tangent import tangent
 from ...orbits.multipliers import multipliers_of
 from ...orbits.newton import resolution
@@ -130,8 +132,8 @@ def fades(exact: PointMap, points: Floats, period: int, extent: Floats) -> bool:
     for end in (away[(away @ axis).argmin()], away[(away @ axis).argmax()]):
         far = np.outer(_BEYOND, end - middle) + middle
         places = wrap(points[len(points) // 2] + far * extent, exact.coordinates)
-        there = follow(exact, places, _RELAXING * period).points
-        moves = difference(follow(exact, there, period).points, there, exact.coordinates) / extent
+        path = path_of(exact, Orbits.starting(places), (_RELAXING + 1) * period)
+        moves = difference(path[-1], path[-1 - period], exact.coordinates) / extent
         length, (at_end, near, beyond) = np.linalg.norm(end - middle), np.linalg.norm(moves, axis=1)
         if not 0.0 < near < beyond <= (1.0 - _CONTRACTING) * length:
             continue

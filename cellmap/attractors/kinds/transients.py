@@ -39,6 +39,7 @@ class Reason(StrEnum):
     LATE = "converges after more periods"
     CREEPING = "creep to rest, ever more slowly"
     ENDING = "escapes or diverges after more periods"
+    FADING = "approach a cycle with a multiplier of 1 or -1, by a power of time"
     PERIODIC = "on a periodic orbit that is not verified to attract"
     RESONANT = "drift slowly along a closed curve, close to a resonance"
     PRESERVED = "not chaotic, and volumes do not shrink"
@@ -57,6 +58,7 @@ REMEDIES = {
     Reason.ENDING: _MORE,
     Reason.PERIODIC: "lower rtol and atol of the map, move the parameters away from the bifurcation, or tell the final "
     "states apart by classify_by_features",
+    Reason.FADING: "move the parameters away from the bifurcation, or use classify_by_features",
     Reason.RESONANT: "change a parameter a little, so that the rotation number moves away from the resonance",
     Reason.PRESERVED: "there is no attractor to be found: add damping",
     Reason.TORUS: _MORE + ", or use classify_by_features: such a torus has no trapping region here",
