@@ -393,7 +393,8 @@ def curves_and_cycles(
     if not len(states):
         return []
     found = quasiperiodic_attractors(point_map, states, extent, age, known, slow, examined.afford)
-    return found.attractors + verified_cycles(point_map, found.cycles, [*known, *found.attractors], extent, examined)
+    fresh = found.attractors + verified_cycles(point_map, found.cycles, [*known, *found.attractors], extent, examined)
+    return fresh or continua(point_map, found.cycles, extent, known, examined.lines)
 
 
 def verified_cycles(

@@ -33,7 +33,8 @@ _MOST_CIRCLES = 8
 _LARGEST_JUMP = 0.3  # between neighbours on a curve, in units of its size
 _DENSITY = 0.1  # length of a curve through n points, in units of n times its size: chaotic orbits have longer ones
 _PROBES = 128  # phases at which the invariance is measured
-_LOCKED = 512  # denominators up to which a rotation number is compared with rational numbers
+_LOCKED = 512  # denominators up to which a rotation number is compared with rational numbers at least
+_BY_CHANCE = 1e-3  # part of the rotation numbers that are taken for rational ones by chance
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,8 +180,12 @@ def _sharpened(point_map: PointMap, orbits: Orbits, circle: InvariantCircle) -> 
 
 
 def rational_within(number: float, error: float) -> int:
-    """Return the least denominator, up to 512, of a rational number that is this close; 0 for none."""
-    q = np.arange(1, _LOCKED + 1)
+    """Return the least denominator of a rational number that is this close; 0 for none.
+
+    Denominators beyond 512 are so small that one number in a thousand is as close to such a rational number by chance,
+    at most, and no larger than an orbit is long.
+    """
+    q = np.arange(1, max(_LOCKED, int(min(np.sqrt(_BY_CHANCE / error), _STAGES[-1][0]))) + 1)
     close = np.abs(number * q - np.round(number * q)) <= error * q
     return int(q[close][0]) if close.any() else 0
 

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from cellmap import CellGrid, ForcedSystem, discrete_map, find_basins, stroboscopic_map
+from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_basins, stroboscopic_map
 from cellmap.attractors.kinds.creeping import orders_of
 from cellmap.attractors.kinds.transients import UnsettledWarning
 from cellmap.orbits import Kind
@@ -42,7 +42,7 @@ QUINTIC = stroboscopic_map(ForcedSystem(lambda t, x, p: (x[1], -0.3 * x[1] - x[0
 def test_no_continuum_and_the_order_is_told(degenerate, half, order):
     """As the normal form says: x_n is like n^(-1/(k - 1)), also at a flip."""
     with pytest.warns(UnsettledWarning) as caught:
-        found = find_basins(degenerate, CellGrid((-half, -half), (half, half), (8, 8)), max_periods=600)
+        found = find_basins(degenerate, CellGrid((-half, -half), (half, half), (6, 6)), max_periods=500)
     assert found.attractors == ()
     assert order is None or re.search(rf"like n\^-{order}[; ]", f"{caught[0].message} ")
 
@@ -57,6 +57,16 @@ def edge(x, p):
     """Rest where abs(x) <= 0.3; from outside x comes back, by a part of the distance or by its square."""
     out = abs(x[0]) - 0.3 if abs(x[0]) > 0.3 else 0.0
     return x[0] - (p.a * out + p.b * out * out) * (1.0 if x[0] > 0 else -1.0) + 0.2 * x[1], 0.5 * x[1]
+
+
+@pytest.mark.parametrize(("turns", "steps"), [(89, 233), (211, 513)])
+def test_a_rigid_rotation_by_a_rational_number_is_a_continuum_of_cycles(turns, steps):
+    """Each orbit closes after as many steps as the denominator says."""
+    rotation = discrete_map(
+        lambda x, p: (x[0] + 2.0 * np.pi * p.w, 0.5 * x[1] + 0.5), {"w": turns / steps}, (angle("a"), "r")
+    )
+    found = find_basins(rotation, CellGrid((0, 0), (2 * np.pi, 2), (4, 4)))
+    assert [(a.kind, a.period) for a in found.attractors] == [(Kind.CONTINUUM, steps)] and (found.labels == 0).all()
 
 
 def ring(x, p):

@@ -54,6 +54,10 @@ class Segment(Curves):
         here = self.points[np.linspace(0, len(self.points) - 1, _ALONG).round().astype(int)]
         return np.asarray(here[:, None, :] + radii[:, None, None, None] * free * self.size)
 
+    def spacing(self) -> float:
+        """Return the distance of the first two points."""
+        return float(np.linalg.norm(difference(self.points[1], self.points[0], self.exact.coordinates) / self.size))
+
     def between(self, distances: Floats) -> Floats:
         """Return the largest of distances (radii, n)."""
         return np.asarray(distances.max(axis=1))
@@ -148,9 +152,12 @@ def _explored(exact: PointMap, place: Floats, period: int, extent: Floats) -> tu
     size = extent * min(1.0, float(np.abs(difference(dense, dense[0], exact.coordinates) / extent).max()))
     segments = [Segment(exact, dense, size, closed)]
     for _ in range(period - 1):
-        segments.append(replace(segments[-1], points=follow(exact, segments[-1].points, 1).points))
+        images = follow(exact, segments[-1].points, 1).points
+        if closed and segments[0].distances(images).max() < segments[0].spacing():
+            break  # a closed curve that is all of its images
+        segments.append(replace(segments[-1], points=images))
     line = np.concatenate([segment.points[::8] for segment in segments])
-    covers = [_cover(segment, period) for segment in segments]
+    covers = [_cover(segment, len(segments) if closed else period) for segment in segments]
     if any(cover is None for cover in covers):
         return None, line
     cover = _joined([c for c in covers if c is not None], segments)
@@ -158,7 +165,7 @@ def _explored(exact: PointMap, place: Floats, period: int, extent: Floats) -> tu
     multipliers = multipliers_of(matrix)
     with np.errstate(divide="ignore"):
         exponents = np.log(np.abs(multipliers)) / period
-    kept = np.linspace(0, DENSE - 1, max(_SAMPLE // period, 2)).round().astype(int)
+    kept = np.linspace(0, DENSE - 1, max(_SAMPLE // len(segments), 2)).round().astype(int)
     sample = np.concatenate([segment.points[kept] for segment in segments])
     rotations = tuple(image.rotations.tolist())
     attractor = Attractor(
@@ -169,8 +176,7 @@ def _explored(exact: PointMap, place: Floats, period: int, extent: Floats) -> tu
 
 def _cover(segment: Segment, period: int) -> Cover | None:
     """Return the boxes of the widest tube around a segment that is seen to contract, but for its ends."""
-    exact, d = segment.exact, segment.exact.dimension
-    unit = float(np.linalg.norm(difference(segment.points[1], segment.points[0], exact.coordinates) / segment.size))
+    exact, d, unit = segment.exact, segment.exact.dimension, segment.spacing()
     for radius in _RADII:
         begin = wrap(segment.surface(np.array([radius])).reshape(-1, d), exact.coordinates)
         # What the middle needs all of it needs: it is in every part that is long enough.

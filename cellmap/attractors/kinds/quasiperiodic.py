@@ -61,9 +61,9 @@ def quasiperiodic_attractors(
     """Return the invariant circles to which orbits of some age come, verified to attract.
 
     A few of the orbits are followed, first for as long again as they have lasted.  An orbit is quasi-periodic if a
-    Fourier series of its points satisfies the equation of invariance, its rotation number is none of the rational
-    numbers with denominators up to 512 within ten times its error, its largest Lyapunov exponent is zero within 0.01,
-    and a tube around the curve is seen to contract.  The boxes of this tube are the trapping region.
+    Fourier series of its points satisfies the equation of invariance, its rotation number is no rational number within
+    ten times its error, of a denominator that this error allows, its largest Lyapunov exponent is zero within 0.01, and
+    a tube around the curve is seen to contract.  The boxes of this tube are the trapping region.
 
     Orbits with two zero exponents are tried as tori of two frequencies, in the same way.
 
