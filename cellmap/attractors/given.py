@@ -10,8 +10,9 @@ from .._lib.arrays import Floats
 from ..maps.coordinates import difference
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
-from ..orbits.attractor import Attractor
+from ..orbits.attractor import Attractor, Kind
 from .regions.boxes import inside_cover
+from .settling.settle import Catalogue
 
 _OFF = 0.1  # radii of a trapping region between an image and the next point, from which on another map has made them
 _INSIDE = 0.99  # of the images of a sample are in the boxes of their attractor, which reach beyond where orbits went
@@ -59,4 +60,6 @@ def _is_of(attractor: Attractor, images: Floats, point_map: PointMap) -> bool:
         off = difference(images, np.roll(attractor.points, -1, axis=0), attractor.coordinates)
         metrics = np.roll(region.metrics, -1, axis=0)
         return bool(np.einsum("mi,mij,mj->m", off, metrics, off).max() <= _OFF**2)
+    if attractor.kind is Kind.QUASIPERIODIC and region is not None and attractor.verified:
+        return bool((Catalogue.of([attractor], point_map).owners_of(images) == 0).mean() >= _INSIDE)
     return attractor.cover is None or bool(inside_cover(attractor.cover, images, point_map).mean() >= _INSIDE)

@@ -26,6 +26,7 @@ from .kinds.continua import closed_orbits, continua, joined_continua
 from .kinds.creeping import creeping, drawn_to
 from .kinds.equilibria import sticking_sets
 from .kinds.examined import LOOKED_AT, Examined, guesses_of
+from .kinds.limit_cycles import cycles_ahead
 from .kinds.quasiperiodic import long_cycle, quasiperiodic_attractors
 from .kinds.recurrence import closed_attractors
 from .kinds.transients import REMEDIES, Late, Reason, UnsettledWarning, regular
@@ -195,7 +196,7 @@ def search(
 
     ``horizon``: periods after which orbits would be seen not to be, where these are more than are followed here.
     """
-    attractors = list(known)
+    attractors = [*known, *cycles_ahead(point_map, states, extent, known)]
     orbits = Orbits.starting(wrap(states, point_map.coordinates))
     rows, labels, times = np.arange(len(states)), np.full(len(states), Label.UNDECIDED), np.full(len(states), -1)
     age, time_limit, wandering, untrapped = 0, _FIRST_LOOK, False, False

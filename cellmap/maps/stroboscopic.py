@@ -174,19 +174,29 @@ class Stroboscopic(MapSpec[PointMap]):
 
     def make(self) -> PointMap:
         """Return the map, without its specification."""
-        system, motion, dimension = self.system, self.motion, self.system.dimension
+        return self.over(self.system.length)
+
+    def over(self, time: float) -> PointMap:
+        """Return the map over a time, which may be another one than the period where nothing depends on time."""
+        system, dimension = self.system, self.system.dimension
+        motion = self.motion if time == self.motion.length else replace(self.motion, length=time)
         lower, turn = turns_of(system.axes)
 
+        @functools.cache
+        def carried_along(coarse: bool) -> Flow:
+            found = derivatives_of(system.name, self._coarse_motion if coarse else self._tangent_motion)
+            return found if found.length == time else replace(found, length=time)
+
         def tangent(points: Floats) -> tuple[Floats, Floats]:
-            found = derivatives_of(system.name, self._tangent_motion)
+            found = carried_along(coarse=False)
             return tangent_by_lanes(found, points, dimension, together=found.vectors)
 
         def coarse_tangent(points: Floats) -> tuple[Floats, Floats]:
-            found = derivatives_of(system.name, self._coarse_motion)
+            found = carried_along(coarse=True)
             return tangent_by_lanes(found, points, dimension, together=found.vectors)
 
         def stretch(orbits: Orbits, frames: Floats, periods: int) -> Floats:
-            found = derivatives_of(system.name, self._coarse_motion)
+            found = carried_along(coarse=True)
             if found.vectors != dimension:
                 raise NotDifferentiableError(f"{system.name} has too many states for its frames to be in one lane")
             return stretched_by_flow(found, orbits, frames, lower, turn, periods)
@@ -196,7 +206,7 @@ class Stroboscopic(MapSpec[PointMap]):
             coordinates=system.axes,
             params=system.params,
             advance=FlowAdvance(motion, lower, turn),
-            period=system.length,
+            period=time,
             tolerance=(self.rtol, float(np.max(self.atol))),
             tangent=tangent,
             coarse_tangent=coarse_tangent,

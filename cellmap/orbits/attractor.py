@@ -38,14 +38,14 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Neighbourhood:
-    """Trapping region: ellipsoids around the points of a periodic attractor, in which orbits converge to it.
+    """Trapping region: ellipsoids around a periodic attractor's points, or along a limit cycle; orbits there converge.
 
     In more than four dimensions there are some that are not verified, also for quasi-periodic attractors.
 
     Parameters
     ----------
     centres : ndarray, shape (period, dimension)
-        Points of the attractor; for a quasi-periodic one centres of its parts, shape (parts, dimension).
+        Points of the attractor; for a limit cycle or a quasi-periodic one centres of parts, shape (parts, dimension).
     metrics : ndarray, shape (period, dimension, dimension)
         The ellipsoid of point c is ``(x - c) @ metric @ (x - c) <= 1``.
     contraction : float
@@ -137,12 +137,13 @@ class Attractor(ShownAsHtml):
     rotations : tuple of int
         Full rotations of each coordinate in one period of the attractor; 0 for coordinates that are not angles.
     multipliers : ndarray of complex, shape (dimension,)
-        Floquet multipliers, the eigenvalues of the monodromy matrix, the largest first; empty for a quasi-periodic or
-        chaotic attractor.
+        Floquet multipliers, the eigenvalues of the monodromy matrix, the largest first: of a limit cycle over its own
+        period, one of them 1; empty for another quasi-periodic or a chaotic attractor.
     exponents : ndarray, shape (dimension,) or (1,)
         Lyapunov exponents per step of the map.
     neighbourhood : Neighbourhood or None
-        Trapping region around a periodic attractor, and in more than four dimensions around a quasi-periodic one.
+        Trapping region around a periodic attractor or along a limit cycle, and in more than four dimensions around a
+        quasi-periodic one.
     cover : Cover or None
         Boxes that contain a chaotic attractor or a sticking set, or verified boxes around invariant curves.
     coordinates : tuple of Coordinate

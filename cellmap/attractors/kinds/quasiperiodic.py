@@ -1,25 +1,20 @@
-"""Quasi-periodic attractors: invariant circles of maps, and limit cycles of autonomous systems under time-T maps."""
+"""Quasi-periodic attractors: invariant circles and tori of maps, and limit cycles of autonomous systems."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from math import sqrt
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..._lib.arrays import Floats
 from ..._lib.stopping import check_stop
-from ...maps.coordinates import difference
 from ...maps.orbit_batch import Orbits
 from ...maps.paths import path_of
-from ...maps.poincare import check_unforced, flow_map
-from ...maps.point_map import PointMap, follow
-from ...maps.stroboscopic import Stroboscopic
-from ...maps.system import ForcedSystem
+from ...maps.point_map import PointMap
 from ...maps.tangent import tangent
 from ...orbits.attractor import Attractor, Kind
-from ...orbits.invariant_circle import FittedCircle, InvariantCircle, curve_size, fitted_circle, measured
+from ...orbits.invariant_circle import curve_size, fitted_circle
 from ...orbits.invariant_torus import fitted_torus
 from ...orbits.newton import newton, stable_orbit
 from ..regions.boxes import inside_cover
@@ -28,14 +23,12 @@ from ..regions.tube import DENSE, FIRST_FACTOR, MOST_STEPS, SAMPLED, Curves, Den
 from .chaos import aperiodic
 from .creeping import creeping
 from .exponents import Growing
+from .limit_cycles import autonomous, limit_cycles
 from .recurrence import recurrent_attractors
 
 _ORBITS = 4  # tried in one look
 _EXPONENT_PERIODS = 500
 _VOLUME_PERIODS = 128
-_GOLDEN = 0.5 * (sqrt(5.0) - 1.0)  # steps of an autonomous system that resonate with its cycle by chance only
-_CLOSED = 1e-6  # distance, in units of the cycle's size, from which an orbit is closed
-_TURNS = 64  # of a limit cycle in one step, at most
 _AT_ONCE = 256  # periods of one orbit between looks whether the end was asked for
 _SAMPLE = 512  # points of an attractor that are kept
 _SAMPLED_PHASES = 24  # of a torus, in each of its phases
@@ -71,9 +64,13 @@ def quasiperiodic_attractors(
 
     In more than four dimensions they are found by recurrence, and not verified, see :func:`recurrent_attractors`.
 
-    An autonomous system is sampled in steps that are not those of the map, which may close its cycle after a few.
+    Limit cycles of autonomous systems are found as periodic orbits of the flow, see :func:`limit_cycles`.
     """
     exact = point_map.without_table
+    spec = autonomous(exact)
+    cycles = [] if spec is None else limit_cycles(exact, spec, states, extent, known, _ORBITS)
+    if cycles:
+        return Found(cycles, [])
     if exact.dimension > SAMPLED:
         return Found(*recurrent_attractors(exact, states, extent, age, known, slow, afford))
     found = Found([], [])
@@ -91,7 +88,7 @@ def quasiperiodic_attractors(
             continue
         if creeping(exact, before.points, extent).found[0] or not _may_attract(exact, before):
             continue
-        attractor = _on_curves(exact, before.points[0], extent, age, found, slow)
+        attractor = None if spec is not None else _on_curves(exact, before.points[0], extent, age, found, slow)
         if attractor is None and exact.dimension > 2 and not len(found.cycles):
             attractor = _on_torus(exact, before.points[0], extent)
         if attractor is not None and _is_new(attractor, attractors, exact):
@@ -124,20 +121,12 @@ def _may_attract(exact: PointMap, orbits: Orbits) -> bool:
 
 
 def _on_curves(exact: PointMap, state: Floats, extent: Floats, age: int, found: Found, slow: bool) -> Attractor | None:
-    system = _autonomous(exact)
-    sampled = exact
-    if system is not None:
-        s = exact.specified
-        assert isinstance(s, Stroboscopic)
-        sampled = flow_map(system, _GOLDEN * exact.period, s.rtol, s.atol, s.method, s.max_steps)
-    fitted, period = fitted_circle(sampled, state, extent, age, slow)
+    fitted, period = fitted_circle(exact, state, extent, age, slow)
     if fitted is None:
-        if period and system is None:
+        if period:
             found.cycles.append((state, period))
         return None
-    circle = fitted.circle if system is None else _cycle(system, exact, sampled, fitted)
-    if circle is None:
-        return None
+    circle = fitted.circle
     points = circle.points(np.arange(DENSE) / DENSE, exact.coordinates)
     curves = Curves(exact, points, _size(points, exact, extent))
     tube = verified_tube(curves, extent, 10.0 * circle.invariance_error)
@@ -178,50 +167,6 @@ def _size(points: Floats, exact: PointMap, extent: Floats) -> Floats:
     d = exact.dimension
     span = np.max([curve_size(curve, exact.coordinates) for curve in points.reshape(len(points), -1, d)], axis=0)
     return np.asarray(np.maximum(span, 0.01 * extent * (span / extent).max()))
-
-
-def _autonomous(exact: PointMap) -> ForcedSystem | None:
-    """Return the system of a stroboscopic map if its right-hand side does not depend on time."""
-    if not isinstance(exact.spec, Stroboscopic):
-        return None
-    try:
-        check_unforced(exact.spec.system)
-    except ValueError:
-        return None
-    return exact.spec.system
-
-
-def _cycle(system: ForcedSystem, exact: PointMap, sampled: PointMap, fitted: FittedCircle) -> InvariantCircle | None:
-    """Return a limit cycle, fitted in steps of one length, as an invariant circle of the map with steps of another.
-
-    The rotation number gives the period of the cycle up to the number of full rotations in one step, and their sense;
-    the right period is the one after which the flow closes the orbit.
-    """
-    circle, point = fitted.circle, fitted.orbit[-1]
-    size = curve_size(fitted.orbit, exact.coordinates)
-    s = exact.specified
-    assert isinstance(s, Stroboscopic)
-    for whole in range(_TURNS):
-        for turns, forward in ((whole + circle.frequency, True), (whole + 1.0 - circle.frequency, False)):
-            period = sampled.period / turns
-            image = follow(flow_map(system, period, s.rtol, s.atol, s.method, s.max_steps), point, 1)
-            if np.abs(difference(image.points, point, exact.coordinates) / size).max() <= _CLOSED:
-                steps = exact.period / period
-                coefficients = circle.coefficients if forward else circle.coefficients[..., ::-1]
-                longer = exact.period / sampled.period
-                return measured(
-                    exact,
-                    replace(
-                        circle,
-                        frequency=steps % 1.0,
-                        frequency_error=circle.frequency_error * longer,
-                        rotation_numbers=circle.rotation_numbers * longer,
-                        rotation_errors=circle.rotation_errors * longer,
-                        coefficients=coefficients,
-                        cycle_period=period,
-                    ),
-                )
-    return None
 
 
 def _is_new(attractor: Attractor, known: Sequence[Attractor], point_map: PointMap) -> bool:

@@ -162,7 +162,7 @@ def averaged_owners(exact: PointMap, states: Floats, known: Sequence[Attractor])
 
 
 def _is_recurrent(attractor: Attractor) -> bool:
-    return attractor.kind is Kind.QUASIPERIODIC and attractor.neighbourhood is not None
+    return attractor.kind is Kind.QUASIPERIODIC and attractor.neighbourhood is not None and not attractor.verified
 
 
 def _attractor(exact: PointMap, path: Floats, rotations: Ints, exponents: Floats, region: Neighbourhood) -> Attractor:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol, cast
 
@@ -30,8 +30,10 @@ SAMPLED = 4
 MOST_STEPS, FIRST_FACTOR = 256, 0.6
 """Steps after which points of the first surface have to be closer to the curves, and the factor."""
 
+NARROW = 1e-4
+"""Radius of the first surface, in units of the curve's size."""
+
 _SEEN = {1: 128, 2: 128, 3: 128}  # points of each surface along a curve; else 64
-_NARROW = 1e-4  # radius of the first surface, in units of the curve's size
 _ALLOWED = 0.9  # largest factor on all other surfaces
 _GROWTH = {1: 1.25, 2: 1.25, 3: 1.25}  # factor from one surface to the next; else 2.0
 _AHEAD = {1: 4, 2: 4, 3: 4}  # surfaces that are looked at together; else 1
@@ -41,6 +43,10 @@ _MOST_BOXES = 2**20
 _CELLS = 256  # points of a torus in each phase, between which it is a paraboloid
 _REACH = 2.0  # cells of this grid, at most, between a point and the nearest one on the torus
 _TORUS_SEEN = 24  # points of each surface in each phase
+_PIECES = 16  # of a curve, before they are halved where it bends
+_ACROSS_TUBE = 0.7  # semi-axis of an ellipsoid across a tube, in units of its radius
+_WELL_INSIDE = 0.6  # square of the distance of a piece from the centre of its ellipsoid, in units of its axes
+_MOST_ELLIPSOIDS = 2**13
 _ACROSS = 4  # directions of each surface in each of those across a torus, where there are several
 
 
@@ -222,26 +228,29 @@ def _largest(values: Floats, axes: tuple[int, ...]) -> Floats:
     return np.asarray(np.where(np.isnan(beside), np.inf, beside).reshape(len(values), -1).max(axis=1))
 
 
-def verified_tube(curves: Attracting, extent: Floats, narrowest: float) -> Tube | None:
+def verified_tube(
+    curves: Attracting, extent: Floats, narrowest: float, most_steps: int = MOST_STEPS, patience: int = 0
+) -> Tube | None:
     """Return the widest tube around attracting curves on whose inner surfaces all points are seen to come closer.
 
     After a fixed number of steps the distance to the curves has fallen by a tenth or more, everywhere on surfaces from
     the narrowest to the widest, each a quarter wider than the one before, or twice as wide in four dimensions, where
-    surfaces take many points; there wider steps are made as long as contraction is the same, as it is where the map is
-    all but linear.  A distance that falls again and again leaves no other attractor in the tube.  None where the
-    narrowest surface does not contract.
+    surfaces take many points; there, and with `patience`, wider steps are made as long as contraction is the same, as
+    it is where the map is all but linear.  A distance that falls again and again leaves no other attractor in the tube.
+    None where the narrowest surface does not contract.  With `patience` for so many steps, those needed on the
+    narrowest surface are doubled where a wider one takes more.
     """
     limit = 0.25 * float((extent / curves.size).min())
-    radius = max(_NARROW, narrowest)
+    radius = max(NARROW, narrowest)
     if curves.exact.dimension == 1:
         return Tube(limit, 1, 0.0)
     if radius > limit:
         return None
-    steps, factor = _steps_needed(curves, radius)
+    steps, factor = _steps_needed(curves, radius, most_steps)
     if not steps:
         return None
     d, linear = curves.exact.dimension, factor
-    while d > 3 and _WIDER * radius < limit:
+    while (d > 3 or patience) and _WIDER * radius < limit:
         there = float(_factors(curves, np.array([_WIDER * radius]), steps)[0])
         if abs(there - linear) > _ALIKE:
             limit = limit if there <= _ALLOWED else 0.5 * _WIDER * radius
@@ -254,7 +263,10 @@ def verified_tube(curves: Attracting, extent: Floats, narrowest: float) -> Tube 
         if passed:
             radius, factor = float(radii[passed - 1]), max(factor, float(factors[:passed].max()))
         if passed < len(radii):
-            break
+            # Where each point has come closer after some steps, it has after twice as many.
+            if 2 * steps > patience:
+                break
+            steps *= 2
     return Tube(radius, steps, factor)
 
 
@@ -283,6 +295,68 @@ def cover_of_tube(curves: Attracting, tube: Tube) -> Cover | None:
     return Cover(corner, widths, boxes, np.ones(len(boxes), bool))
 
 
+def ellipsoids_of_tube(
+    curves: Curves, tube: Tube, bent: Callable[[Floats, Floats], Floats]
+) -> tuple[Floats, Floats] | None:
+    """Return centres (n, d) and metrics (n, d, d) of ellipsoids in a tube that hold its closed curve; None if too many.
+
+    The curve is cut into pieces, each of which is halved until it is well inside of an ellipsoid along the line between
+    its ends that lies in the tube; where short ones do not, they become narrower.  ``bent`` returns the points at some
+    shifts (n, ..., d) from centres.
+    """
+    d, coordinates = curves.exact.dimension, curves.exact.coordinates
+    vertices = curves.points[0]
+    ways = difference(np.roll(vertices, -1, axis=0), vertices, coordinates)
+    path = np.concatenate([vertices[:1], vertices[0] + np.cumsum(ways, axis=0)])
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(ways / curves.size, axis=1))])
+    cuts = np.linspace(0.0, lengths[-1], _PIECES + 1)
+    begin, end = cuts[:-1], cuts[1:]
+    sphere = np.random.default_rng(0).standard_normal((8 * d, d))
+    sphere = np.concatenate([np.eye(d), -np.eye(d), sphere / np.linalg.norm(sphere, axis=1, keepdims=True)])
+    found = list[tuple[Floats, Floats]]()
+    across, count = np.full(len(begin), _ACROSS_TUBE * tube.radius), 0
+    while len(begin):
+        inner = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, 9)
+        places = np.stack([np.interp(inner, lengths, path[:, j]) for j in range(d)], axis=-1)
+        centres, chord = 0.5 * (places[:, 0] + places[:, -1]), (places[:, -1] - places[:, 0]) / curves.size
+        half = 0.5 * np.linalg.norm(chord, axis=1)
+        frames = _frames_along(chord)
+        axes = np.tile(across[:, None], d)
+        axes[:, 0] = np.maximum(np.sqrt(2.0) * half, across)
+        inside = np.einsum("nij,npj->npi", frames, (places - centres[:, None]) / curves.size) / axes[:, None]
+        ends = np.einsum("nji,npj->npi", frames, sphere * axes[:, None]) * curves.size
+        edge = wrap(bent(centres[:, None], ends).reshape(-1, d), coordinates)
+        apart = curves.distances(edge).reshape(len(begin), -1)
+        good = ((inside**2).sum(axis=2).max(axis=1) <= _WELL_INSIDE) & (apart.max(axis=1) <= tube.radius)
+        scaled = frames[good] / axes[good][:, :, None] / curves.size
+        found.append((wrap(centres[good], coordinates), np.einsum("nji,njk->nik", scaled, scaled)))
+        count += int(good.sum())
+        # A short piece has an ellipsoid that is too wide.
+        short = ~good & (axes[:, 0] <= across)
+        long_ = ~good & ~short
+        middle = 0.5 * (begin + end)[long_]
+        begin, end = (
+            np.concatenate(p) for p in ((begin[short], begin[long_], middle), (end[short], middle, end[long_]))
+        )
+        across = np.concatenate([0.5 * across[short], across[long_], across[long_]])
+        if count + len(begin) > _MOST_ELLIPSOIDS:
+            return None
+    return np.concatenate([c for c, _ in found]), np.concatenate([m for _, m in found])
+
+
+def _frames_along(directions: Floats) -> Floats:
+    """Return orthonormal rows (n, d, d), the first along some directions (n, d)."""
+    d = directions.shape[1]
+    length = np.linalg.norm(directions, axis=1, keepdims=True)
+    unit = np.where(length > 0.0, directions / np.maximum(length, 1e-300), np.eye(d)[0])
+    # Householder's reflection takes the first axis to the direction, or to its opposite.
+    sign = np.where(unit[:, :1] < 0.0, -1.0, 1.0)
+    mirror = unit + sign * np.eye(d)[0]
+    return np.asarray(
+        np.eye(d) - 2.0 * mirror[:, :, None] * mirror[:, None, :] / (mirror**2).sum(axis=1)[:, None, None]
+    )
+
+
 def _feet_on_edges(curves: Attracting, points: Floats, here: Floats, there: Floats) -> tuple[Floats, Floats]:
     """Return distances of points to straight edges, a row each, and at which fraction of its edge each is nearest."""
     along = difference(there, here, curves.exact.coordinates) / curves.size
@@ -302,10 +376,10 @@ def _tree(curves: Any) -> Any:
     return tree_of(curves.points.reshape(-1, len(curves.size)), curves.size, curves.exact)
 
 
-def _steps_needed(curves: Attracting, radius: float) -> tuple[int, float]:
+def _steps_needed(curves: Attracting, radius: float, most: int) -> tuple[int, float]:
     """Return after how many steps the points of a surface are close enough, and the factor; 0 steps if never."""
     orbits = Orbits.starting(curves.surface(np.array([radius])).reshape(-1, curves.exact.dimension))
-    for steps in doubled(curves.exact, orbits, 1, MOST_STEPS):
+    for steps in doubled(curves.exact, orbits, 1, most):
         factor = float(curves.between(curves.distances(orbits.points)[None])[0] / radius)
         if factor <= FIRST_FACTOR:
             return steps, factor
