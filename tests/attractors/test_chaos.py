@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import exp, log, pi, sin
+from math import exp, log, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -247,6 +247,23 @@ def test_orbits_that_are_late_converge_after_more_periods() -> None:
     assert few.undecided and max(few.undecided, key=few.undecided.get) == Reason.LATE
     assert "max_periods" in REMEDIES[Reason.LATE]
     assert (find_basins(rotor, grid, max_periods=6000).labels >= 0).all()
+
+
+def test_orbits_on_a_line_of_symmetry_are_on_cycles_that_repel() -> None:
+    """On y = -x Kapitaniak's pair of maps has a cycle of period 2, at abs(x) = 3.675, off which orbits go elsewhere."""
+    a, d = sqrt(2.0), -0.935
+
+    def h(x):
+        return -a * x + a * (abs(x + 1.0 / a) - abs(x - 1.0 / a))
+
+    pair = discrete_map(lambda x, p: (h(x[0]) + d * (x[1] - x[0]), h(x[1]) + d * (x[0] - x[1])), {}, ("x", "y"))
+    grid = CellGrid((-2.0, -2.0), (2.0, 2.0), (12, 12))
+    basins = find_basins(pair, grid, max_periods=20_000)
+    assert set(basins.undecided) == {Reason.PERIODIC}
+    assert np.array_equal(basins.labels == Label.UNDECIDED, np.eye(12, dtype=bool)[::-1])
+    assert "lines of symmetry" in REMEDIES[Reason.PERIODIC]
+    beside = find_basins(pair, CellGrid((-2.0, -1.9), (2.0, 2.1), (12, 12)), max_periods=20_000)
+    assert (beside.labels >= 0).all()
 
 
 # --- all orbits on one attractor, and an interpolated map in the place of the map

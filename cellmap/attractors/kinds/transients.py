@@ -35,7 +35,7 @@ _LATEST = 32  # orbits, of those that came to an attractor late
 class Reason(StrEnum):
     """Why an orbit is undecided."""
 
-    REGULAR = "neither converged nor chaotic so far"
+    REGULAR = "neither converged nor chaotic so far: the largest exponent is zero within its error"
     LATE = "converges after more periods"
     CREEPING = "creep to rest, ever more slowly"
     ENDING = "escapes or diverges after more periods"
@@ -52,12 +52,12 @@ class Reason(StrEnum):
 
 _MORE = "raise max_periods={}"
 REMEDIES = {
-    Reason.REGULAR: _MORE + ", or add damping if nothing attracts",
+    Reason.REGULAR: _MORE + ", tell the final states apart by classify_by_features, or add damping if nothing attracts",
     Reason.LATE: _MORE,
     Reason.CREEPING: _MORE + ", or take them for what they would come to: some never reach the place where they rest",
     Reason.ENDING: _MORE,
-    Reason.PERIODIC: "lower rtol and atol of the map, move the parameters away from the bifurcation, or tell the final "
-    "states apart by classify_by_features",
+    Reason.PERIODIC: "take initial conditions beside lines of symmetry, lower rtol and atol of the map, move the "
+    "parameters away from the bifurcation, or tell the final states apart by classify_by_features",
     Reason.FADING: "move the parameters away from the bifurcation, or use classify_by_features",
     Reason.RESONANT: "change a parameter a little, so that the rotation number moves away from the resonance",
     Reason.PRESERVED: "there is no attractor to be found: add damping",
