@@ -64,7 +64,8 @@ def find_attractors(
     for the periods after which their orbits come closest to themselves.  A solution counts as an attractor if its
     Floquet multipliers lie inside the unit circle.  It gets a verified trapping region, and orbits that enter this
     region have converged.  Orbits that do not settle are compared with invariant curves, and those that never do are
-    tested for chaos.
+    tested for chaos.  Limit cycles of autonomous systems are found first, as periodic orbits of the flow, whatever the
+    period at which the map samples them.
 
     In more than four dimensions Newton's method, regions and the search for curves may take 1,500 images of the map for
     each initial condition, and at least 200,000.  Attractors that are not verified within them, and quasi-periodic
@@ -196,7 +197,7 @@ def search(
 
     ``horizon``: periods after which orbits would be seen not to be, where these are more than are followed here.
     """
-    attractors = [*known, *cycles_ahead(point_map, states, extent, known)]
+    attractors = [*known, *cycles_ahead(point_map, states, extent, known, examined.afford)]
     orbits = Orbits.starting(wrap(states, point_map.coordinates))
     rows, labels, times = np.arange(len(states)), np.full(len(states), Label.UNDECIDED), np.full(len(states), -1)
     age, time_limit, wandering, untrapped = 0, _FIRST_LOOK, False, False

@@ -20,7 +20,8 @@ from ...maps.tangent import tangent
 from ...orbits.attractor import Attractor, Kind, Neighbourhood
 from ...orbits.invariant_circle import InvariantCircle, curve_size, measured, signals_of
 from ...orbits.lyapunov import stretched
-from ..regions.tube import NARROW, Curves, Tube, ellipsoids_of_tube, verified_tube
+from ..regions.lyapunov_regions import Afford
+from ..regions.tube import NARROW, SAMPLED, Curves, Tube, ellipsoids_of_tube, images_of_surface, verified_tube
 from ..settling.settle import Catalogue
 
 _RECORDS = (1024, 4096, 16384)  # samples of an orbit in which its returns are sought, one record after the other
@@ -47,7 +48,7 @@ _BISECTIONS = 40  # after which the two sides of a corner are one number
 _MOST = 2**15  # points of a cycle
 _HARMONICS = 1024  # of the Fourier series, at most
 _SMOOTH = 1e-12  # part of the last harmonics in the largest, with which more of them show rounding
-_AHEAD = 4  # orbits that are tried before all are followed
+_AHEAD = 4  # orbits that are tried in one look, and before all are followed
 _KEPT = 512  # points of an attractor
 _LEAST = 0.01  # size along an axis, in units of the largest
 
@@ -73,17 +74,20 @@ def autonomous(exact: PointMap) -> Stroboscopic | None:
 
 
 def limit_cycles(
-    exact: PointMap, spec: Stroboscopic, states: Floats, extent: Floats, known: Sequence[Attractor], most: int
+    exact: PointMap, spec: Stroboscopic, states: Floats, extent: Floats, known: Sequence[Attractor], afford: Afford
 ) -> list[Attractor]:
     """Return the limit cycles to which some orbits come, verified to attract.
 
     They are orbits that the flow closes after some time, found by Newton's method with this time as a further unknown,
     from where orbits come back to where they were; all multipliers but the one along the orbit lie inside the unit
     circle.  Points beside the cycle are seen to come closer to it in whole periods of the cycle, and ellipsoids along
-    it are the trapping region: neither depends on the period of the map.
+    it are the trapping region: neither depends on the period of the map.  In more than four dimensions one orbit is
+    tried where as many images can be afforded as a surface has points, with derivatives.
     """
-    found, left = list[Attractor](), states
-    for _ in range(most):
+    found, left, many = list[Attractor](), states, exact.dimension > SAMPLED
+    if many and not afford(images_of_surface(exact) * exact.dimension):
+        return found
+    for _ in range(1 if many else _AHEAD):
         left = left[Catalogue.of([*known, *found], exact).owners_of(left) < 0]
         if not len(left):
             break
@@ -97,14 +101,16 @@ def limit_cycles(
     return found
 
 
-def cycles_ahead(point_map: PointMap, states: Floats, extent: Floats, known: Sequence[Attractor]) -> list[Attractor]:
+def cycles_ahead(
+    point_map: PointMap, states: Floats, extent: Floats, known: Sequence[Attractor], afford: Afford
+) -> list[Attractor]:
     """Return the limit cycles of an autonomous system to which a few of some orbits come, before these are followed."""
     exact = point_map.without_table
     spec = autonomous(exact)
     if spec is None:
         return []
     some = wrap(states[evenly(len(states), _AHEAD)], exact.coordinates)
-    return limit_cycles(exact, spec, some, extent, known, _AHEAD)
+    return limit_cycles(exact, spec, some, extent, known, afford)
 
 
 def _cycle_of(exact: PointMap, spec: Stroboscopic, state: Floats, extent: Floats) -> _Cycle | None:

@@ -68,7 +68,7 @@ def quasiperiodic_attractors(
     """
     exact = point_map.without_table
     spec = autonomous(exact)
-    cycles = [] if spec is None else limit_cycles(exact, spec, states, extent, known, _ORBITS)
+    cycles = [] if spec is None else limit_cycles(exact, spec, states, extent, known, afford)
     if cycles:
         return Found(cycles, [])
     if exact.dimension > SAMPLED:

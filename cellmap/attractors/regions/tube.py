@@ -217,6 +217,11 @@ class Tube:
     contraction: float
 
 
+def images_of_surface(exact: PointMap) -> int:
+    """Return how many points a surface around a curve has."""
+    return _seen(exact) * 8 * (exact.dimension - 1)
+
+
 def _seen(exact: PointMap) -> int:
     return _SEEN.get(exact.dimension, 64)
 
