@@ -117,9 +117,9 @@ def test_rotations_of_what_is_no_angle(coordinate, recwarn):
     assert [m.endswith("if orbits may turn, give angle('theta')") for m in found] == [True] * (coordinate == "theta")
 
 
-def test_late_orbits_ask_for_more_periods():
-    """x - x^3 comes to 0 like 1/sqrt(n)."""
-    with pytest.warns(UnsettledWarning, match="raise max_periods=300"):
+def test_orbits_beside_a_neutral_point_ask_for_other_parameters():
+    """x - x^3 comes to 0 like 1/sqrt(n): no number of periods is enough."""
+    with pytest.warns(UnsettledWarning, match=r"like n\^-0.5; move the parameters away"):
         find_basins(discrete_map(lambda x, p: (x[0] - x[0] ** 3,), {}, ("x",)), [[0.3], [0.2]], max_periods=300)
 
 
