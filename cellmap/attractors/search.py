@@ -285,10 +285,13 @@ def sort_out(
         if not fresh:
             break
         # None of these orbits is on an attractor that was known before.
-        settled = settle(point_map, orbits, Catalogue.of(fresh, point_map), 0, age)
+        catalogue = Catalogue.of(fresh, point_map)
+        settled = settle(
+            point_map, orbits[np.arange(len(orbits))], catalogue, int(catalogue.regions.residence.max()), age
+        )
         owners[rows] = np.where(settled.labels >= 0, settled.labels + len(attractors), settled.labels)
         before, attractors = len(orbits), [*attractors, *fresh]
-        rows, orbits = rows[settled.undecided], settled.orbits
+        rows, orbits = rows[settled.undecided], orbits[settled.undecided]
         if patient and _many_settle(before, len(orbits)):
             break
     return orbits, attractors, owners

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import cos, pi, sin
+from math import cos, exp, pi, sin
 
 import numpy as np
 import pytest
@@ -82,6 +82,26 @@ def test_circles_are_found_by_recurrence_with_rotation_number_and_residual(circl
     assert basins.verify(40).wrong == 0
 
 
+def test_orbits_that_pass_through_an_ellipsoid_around_a_circle_are_not_on_it():
+    """From the middle of a circle they spiral outwards for a hundred steps, and u is pushed to another circle there."""
+
+    def step(x, p):
+        z, y, u = x[0], x[1], x[2]
+        square = z * z + y * y
+        growth, c, s = 1.02 - 0.02 * square / RADIUS**2, cos(2 * pi * GOLDEN), sin(2 * pi * GOLDEN)
+        pushed = u + 0.3 * u * (u - 0.5) * (1.0 - u) + 0.1 * exp(-20.0 * square)
+        return growth * (c * z - s * y), growth * (s * z + c * y), pushed, *(0.5 * v + 0.1 * z * y for v in x[3:])
+
+    two_circles = discrete_map(step, {}, tuple(f"x{i}" for i in range(6)))
+    start = np.random.default_rng(6).uniform(-0.6, 0.6, (60, 6))
+    start[::2] *= 0.02
+    with pytest.warns(UserWarning, match="2 of 2 attractors are not verified"):
+        basins = find_basins(two_circles, start)
+    pushed = two_circles.iterate(start, 3000).points[:, 2] > 0.5
+    upper = int(np.argmax([a.points[0, 2] for a in basins.attractors]))
+    assert np.array_equal(basins.labels == upper, pushed) and 5 < pushed.sum() < 55
+
+
 @pytest.mark.thorough
 def test_a_torus_of_five_frequencies_two_of_which_nearly_agree():
     """Five exponents are zero, more than are seen at first, and averages take 1,500 steps, the length of a beat."""
@@ -95,7 +115,7 @@ def test_a_torus_of_five_frequencies_two_of_which_nearly_agree():
     assert np.linalg.norm(points, axis=2) == pytest.approx(RADIUS, abs=1e-9)
 
 
-def test_an_angle_that_turns_gets_sectors_in_which_others_are_bound_to_it():
+def test_balls_lie_along_an_angle_that_turns_and_others_are_bound_to_it():
     coordinates = (angle("a"), angle("b"), "u", "v", "w", "x")
     point_map = discrete_map(rotating, {"w": GOLDEN}, coordinates)
     start = np.random.default_rng(1).uniform(-1, 1, (20, 6))

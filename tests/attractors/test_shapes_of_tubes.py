@@ -114,7 +114,7 @@ def regions_of(number: int, turn: np.ndarray, width: float, seed: int) -> Region
     frames = np.linalg.qr(rng.standard_normal((number, d, d)))[0]
     radii = width * 30.0 ** rng.uniform(0.0, 1.0, (number, d))
     metrics = np.einsum("nij,nj,nkj->nik", frames, radii**-2.0, frames)
-    return Regions(rng.uniform(-pi, pi, (number, d)), metrics, rng.integers(0, 9, number))
+    return Regions(rng.uniform(-pi, pi, (number, d)), metrics, rng.integers(0, 9, number), np.zeros(9, np.int64))
 
 
 def owners_by_hand(points: np.ndarray, regions: Regions, turn: np.ndarray) -> np.ndarray:

@@ -23,11 +23,15 @@ _FARTHEST = 2.0**40  # boxes from the first one; what has no finite place is the
 
 
 class Regions(NamedTuple):
-    """Ellipsoids: m holds x where (x - c)' M (x - c) <= 1 with centre c and metric M, and belongs to an owner."""
+    """Ellipsoids: m holds x where (x - c)' M (x - c) <= 1 with centre c and metric M, and belongs to an owner.
+
+    An orbit has to stay in those of an owner for as many periods in a row as ``residence`` says of it.
+    """
 
     centres: NDArray[np.float64]
     metrics: NDArray[np.float64]
     owners: NDArray[np.int64]
+    residence: NDArray[np.int64]
 
 
 class Sieve(NamedTuple):

@@ -77,7 +77,7 @@ def claim_within(owners, table, neighbourhoods, turn, begin, end):
     Arguments as those of ``judge`` in :mod:`cellmap._compiled.kernels.certainty`.
     """
     origin, inverse, cells, _ = table
-    centres, metrics, numbers = neighbourhoods
+    centres, metrics, numbers = neighbourhoods.centres, neighbourhoods.metrics, neighbourhoods.owners
     d = len(cells)
     shift = np.empty(d)
     for c in range(begin, end):

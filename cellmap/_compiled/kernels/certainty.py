@@ -103,11 +103,11 @@ def judging(d):
     def judge(points, spread, window, neighbourhoods, reaches, turn, found):
         """Write into ``found`` the owner of the region that holds each point with all of its error, NONE or LOST.
 
-        Regions are cells with an owner and ellipsoids around attractors, ``neighbourhoods`` (centres, metrics, owners),
+        Regions are cells with an owner and ellipsoids around attractors, which are ``neighbourhoods``,
         metrics in units of the coordinates; ``reaches`` (m, d) is how far these reach from their centres.
         """
         origin, inverse, cells, circle = window.origin, window.inverse, window.cells, window.circle
-        centres, metrics, owners = neighbourhoods
+        centres, metrics, owners = neighbourhoods.centres, neighbourhoods.metrics, neighbourhoods.owners
         first, last = np.empty(d, np.int64), np.empty(d, np.int64)
         shift = np.empty(d)
         for i in range(len(points)):

@@ -98,8 +98,9 @@ class LabelledOrbits(NamedTuple):
 
     ``points``, ``rotations``, ``status`` are the orbits' states, at the beginning and at the end; ``residence`` counts
     for each cover the periods inside, and ``stays`` is the longest such stay of an orbit that did not end on its
-    attractor; ``told`` is the number of a final state in which an orbit is said to be, -1 for none, or empty;
-    ``labels_of`` are the labels of orbits that have ended, by status.
+    attractor; ``visits`` (3, n), or empty, are the owner of the ellipsoids in which an orbit was, and the ages at which
+    it was seen there first and last; ``told`` is the number of a final state in which an orbit is said to be, -1 for
+    none, or empty; ``labels_of`` are the labels of orbits that have ended, by status.
     """
 
     points: NDArray[np.float64]
@@ -111,6 +112,7 @@ class LabelledOrbits(NamedTuple):
     before: NDArray[np.float64]
     residence: NDArray[np.int64]
     stays: NDArray[np.int64]
+    visits: NDArray[np.int64]
     told: NDArray[np.int64]
     labels_of: NDArray[np.int64]
 
@@ -258,7 +260,7 @@ def _look(step, regions, sieve, covers, limits, outcome, work):
                     found[i] = -1
                     for j in range(pool.points.shape[1]):
                         pool.points[r, j] = np.nan
-                if _ends(covers, limits, outcome, pool, r, found[i]):
+                if _ends(regions, covers, limits, outcome, pool, r, found[i]):
                     scratch.holes[holes] = r
                     holes += 1
                     continue
@@ -274,10 +276,17 @@ def _look(step, regions, sieve, covers, limits, outcome, work):
 
 
 @inlined
-def _ends(covers, limits, outcome, pool, r, owner):
+def _ends(regions, covers, limits, outcome, pool, r, owner):
     """Tell whether a row is through; if so write what has become of its orbit."""
     m, k, ended = pool.member[r], pool.age[r], pool.status[r] >= ESCAPED
     when = k
+    if owner >= 0 and regions.residence[owner] > 0:
+        visits = outcome.visits
+        if visits[0, m] != owner or visits[2, m] < k - limits.stride:
+            visits[0, m], visits[1, m] = owner, k
+        visits[2, m], when = k, visits[1, m]
+        if k - when < regions.residence[owner]:
+            owner, when = np.int64(-1), k
     if owner < 0 and outcome.told.size > 0:
         owner = outcome.told[m]
     for c in range(covers.owners.size):

@@ -6,24 +6,31 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..._lib.arrays import Bools, Floats, Ints
-from ...maps.coordinates import difference, wrap
+from ..._lib.arrays import Bools, Floats, Ints, evenly
+from ..._lib.threads import slices, thread_count
+from ...maps.coordinates import difference, turns_of, wrap
 from ...maps.orbit_batch import Orbits
 from ...maps.paths import history_of, moved_on
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor, Kind, Neighbourhood
 from ...orbits.invariant_circle import circle_through, closed_after
-from ..regions.hulls import Hulls, surface_points
+from ..regions.boxes import in_units, tree_of
 from ..regions.lyapunov_regions import Afford, always
 from ..settling.quotients import quotient_by
 from ..settling.settle import Catalogue
 from .exponents import FRAME, GROWING, Growing
-from .time_averages import LONGEST, PERIODS, Averages, Paths, paths_of, spread_of
+from .time_averages import LONGEST, PERIODS, Averages, paths_of, spread_of
 
 _SAME = 0.02  # difference of averages of orbits on one attractor, in units of an orbit's size
-_WIDTHS = (0.02, 0.0025, 0.0003)  # of regions where an attractor has none, in units of the region, one after the other
-_BESIDE = 4  # orbits that begin in a region
-_AVERAGED, _RETURNING = 128, 128  # periods over which their averages are taken, twice, and those between
+_CENTRES = 256  # balls of a region
+_WIDER = 1.5  # factor by which balls are wider than it takes to hold the points seen
+_AS_WIDE = 0.7  # part of their width that balls keep where an orbit comes no closer to its attractor
+_INSIDE = 0.9  # least part of later points that lie in the balls, which seldom hold all of a torus
+_BESIDE = 4  # orbits that begin beside a region
+_FARTHER = 3.0  # distance along each coordinate of their beginnings from centres, in radii of the balls,
+_FARTHEST = 0.1  # or in sizes of the attractor, where balls are wide
+_NEARER = (1.0, 0.1, 0.01)  # parts of this distance, one after the other
+_AVERAGED = 128  # periods over which their averages are taken, twice
 _CLOSER = 0.5  # factor by which averages have to come closer meanwhile where an attractor attracts slowly
 _BALL = 1e-4  # radius around a cycle that nothing verifies, in units of the region
 
@@ -45,14 +52,14 @@ def recurrent_attractors(
     They are followed for as long again, and for 512 periods more.  One whose time averages over both halves of these
     are the same is regular, and if `slow` ones are looked for, so is one for which this holds in up to 4,096 periods;
     those with the same averages are on one attractor.  It is quasi-periodic where its largest Lyapunov exponent is zero
-    within its error and one of the next ones is negative, as seen from orbits beside it (Benettin, Galgani, Strelcyn
-    1976), four of them, or twice as many again as long as all exponents are zero.  Its region are ellipsoids of its
-    pieces, or of sectors of an angle that makes full rotations.  Four orbits that begin at the surface of the region
-    must have the same averages in the end, or come closer to them; else it becomes narrower.  Where one cannot `afford`
-    these, the region is the narrowest.
+    within its error and one of the next is negative, as seen from orbits beside it (Benettin, Galgani, Strelcyn 1976),
+    four of them, or twice as many again as long as all exponents are zero.  Its region are balls around its points, so
+    wide that no point that was seen is outside.  Four orbits that begin beside it must have the same averages in the
+    end, or come closer to them, unless one cannot `afford` to see that.
 
-    The region is not a trapping region: nothing verifies that no orbit leaves it, and its `contraction` is 1.  All this
-    takes some thousand images for each attractor, in any number of dimensions.
+    The region is not a trapping region: nothing verifies that no orbit leaves it, and its `contraction` is 1; an orbit
+    has to stay in it for 64 periods to count as converged.  All this takes some thousand images for each attractor, in
+    any number of dimensions.
     """
     if not len(states) or not afford(len(states) * age):
         return [], []
@@ -80,13 +87,11 @@ def recurrent_attractors(
             chosen.append(k)
         seen[k] = True
     exponents, attracts = _exponents(exact, orbits.points[chosen], extent, afford)
-    chosen, exponents = [k for k, good in zip(chosen, attracts, strict=True) if good], exponents[attracts]
-    regions = _regions(exact, paths, chosen, extent, afford)
-    found = [
-        _attractor(exact, paths.points[k], paths.rotations[k], largest, region)
-        for k, largest, region in zip(chosen, exponents, regions, strict=True)
-        if region is not None
+    regular = [
+        _attractor(exact, paths.points[k], paths.rotations[k], largest, extent)
+        for k, largest in zip(np.array(chosen, np.int64)[attracts].tolist(), exponents[attracts], strict=True)
     ]
+    found = _attracting(exact, _at_rest(exact, regular, extent, afford), age, extent, afford)
     return found, cycles
 
 
@@ -99,6 +104,13 @@ def _exponents(exact: PointMap, states: Floats, extent: Floats, afford: Afford) 
     left, directions = np.arange(len(states)), FRAME
     while len(left):
         growth = Growing.along(exact, states[left], GROWING, extent, directions)
+        # Chaos whose exponent is not known yet has a growth that exceeds its errors.
+        while (
+            (growth.zero & (growth.exponents > growth.errors))[:, 0].any()
+            and growth.periods < LONGEST
+            and afford(growth.images)
+        ):
+            growth = growth.carried_on()
         zero, shrinking = growth.zero, (~growth.zero & (growth.exponents < 0.0)).any(axis=1)
         found[left, 0], attracts[left] = growth.exponents[:, 0], zero[:, 0] & shrinking
         left, directions = left[zero.all(axis=1)], 2 * directions
@@ -165,7 +177,7 @@ def _is_recurrent(attractor: Attractor) -> bool:
     return attractor.kind is Kind.QUASIPERIODIC and attractor.neighbourhood is not None and not attractor.verified
 
 
-def _attractor(exact: PointMap, path: Floats, rotations: Ints, exponents: Floats, region: Neighbourhood) -> Attractor:
+def _attractor(exact: PointMap, path: Floats, rotations: Ints, exponents: Floats, extent: Floats) -> Attractor:
     """Return the attractor of a regular orbit (periods, d)."""
     return Attractor(
         Kind.QUASIPERIODIC,
@@ -175,46 +187,94 @@ def _attractor(exact: PointMap, path: Floats, rotations: Ints, exponents: Floats
         np.empty(0, complex),
         exponents,
         exact.coordinates,
-        neighbourhood=region,
+        neighbourhood=_region(exact, path, extent),
         circle=circle_through(exact, path[-PERIODS:], rotations[-PERIODS:]),
     )
 
 
-def _regions(
-    exact: PointMap, paths: Paths, chosen: Sequence[int], extent: Floats, afford: Afford
-) -> list[Neighbourhood | None]:
-    """Return the widest region of each of the `chosen` orbits to which others come back, None where there is none."""
-    hulls = [Hulls.of(exact, paths.points[k], paths.rotations[k], extent) for k in chosen]
-    found: list[Neighbourhood | None] = [None] * len(chosen)
-    left = list(range(len(chosen)))
-    for width in _WIDTHS:
-        tried = [j for j in left if afford(_BESIDE * (2 * _AVERAGED + _RETURNING))]
-        for j in set(left) - set(tried):
-            found[j] = hulls[j].of_width(_WIDTHS[-1])
-        regions = [hulls[j].of_width(width) for j in tried]
-        back = _all_return(exact, regions, paths, [chosen[j] for j in tried], extent)
-        for j, region, good in zip(tried, regions, back, strict=True):
-            found[j] = region if good else None
-        left = [j for j, good in zip(tried, back, strict=True) if not good]
-    return found
+def _at_rest(exact: PointMap, regular: Sequence[Attractor], extent: Floats, afford: Afford) -> list[Attractor]:
+    """Return attractors of regular orbits once these come no closer to them, without orbits that go elsewhere.
+
+    The next points of an orbit lie in the balls around those before, and need balls as wide themselves.
+    """
+    found = dict(enumerate(regular))
+    left = list(found)
+    while left and afford(sum(len(found[k].points) for k in left)):
+        ends = Orbits.starting(np.array([found[k].points[-1] for k in left]))
+        history, turned = history_of(exact, ends, max(len(found[k].points) for k in left))
+        for j, k in enumerate(tuple(left)):
+            points, rotations = history[: len(found[k].points), j], turned[: len(found[k].points), j]
+            later = _attractor(exact, points, rotations, found[k].exponents, extent)
+            if (Catalogue.of([found[k]], exact).owners_of(points) == 0).mean() < _INSIDE:
+                del found[k]
+            elif (_radii(later) < _AS_WIDE * _radii(found[k])).any():
+                found[k] = later
+                continue
+            left.remove(k)
+    return [found[k] for k in sorted(found)]
 
 
-def _all_return(
-    exact: PointMap, regions: Sequence[Neighbourhood], paths: Paths, chosen: Sequence[int], extent: Floats
-) -> Bools:
-    """Tell of which regions (n,) orbits from the surface come to the averages of the `chosen` orbits, or closer."""
-    if not regions:
-        return np.zeros(0, bool)
-    begin = np.concatenate([surface_points(region, extent, _BESIDE) for region in regions])
-    orbits = Orbits.starting(wrap(begin, exact.coordinates))
-    early, _ = history_of(exact, orbits, _AVERAGED)
-    moved_on(exact, orbits, _RETURNING)
-    late, _ = history_of(exact, orbits, _AVERAGED)
-    before, after = (Averages.of(np.nan_to_num(h), exact, extent) for h in (early, late))
-    good = np.zeros(len(regions), bool)
-    for j, k in enumerate(chosen):
-        mine = slice(j * _BESIDE, (j + 1) * _BESIDE)
-        first, last = (paths.averages.apart(a, k)[mine] for a in (before, after))
-        same = max(_SAME, spread_of(paths.points[k], exact, extent, _AVERAGED))
-        good[j] = orbits.alive[mine].all() and (last <= np.maximum(same, _CLOSER * first)).all()
-    return good
+def _radii(attractor: Attractor) -> Floats:
+    """Return the half-width of the balls around an attractor along each coordinate."""
+    assert attractor.neighbourhood is not None
+    return np.asarray(1.0 / np.sqrt(np.diag(attractor.neighbourhood.metrics[0])))
+
+
+def _region(exact: PointMap, path: Floats, extent: Floats) -> Neighbourhood:
+    """Return balls around some points of an orbit (periods, d), so wide that they hold the others.
+
+    Lengths are in units of the size of the orbit along each coordinate, at least of a small part of the region.
+    """
+    turn, rows = turns_of(exact.coordinates)[1], evenly(len(path), _CENTRES)
+    span = np.ptp(difference(path, path[0], exact.coordinates), axis=0)
+    size = np.where(turn > 0, turn, np.maximum(span, CLOSED * extent))
+    others = path[1:][evenly(len(path) - 1, len(rows))]
+    apart = tree_of(path[rows], size, exact).query(in_units(others, size, exact), workers=thread_count())[0]
+    radius = _WIDER * max(float(apart.max()), CLOSED)
+    return Neighbourhood(path[rows], np.tile(np.diag((radius * size) ** -2.0), (len(rows), 1, 1)), 1.0)
+
+
+def _attracting(
+    exact: PointMap, found: Sequence[Attractor], age: int, extent: Floats, afford: Afford
+) -> list[Attractor]:
+    """Return the attractors in whose region orbits from beside them are in the end, with their averages, or nearly so.
+
+    Orbits have as long for it as those had that came to the attractors; all count where this cannot be afforded.
+    """
+    between, good, left = max(age, _AVERAGED), set[int](), list(range(len(found)))
+    rng = np.random.default_rng(0)
+    for nearer in _NEARER:
+        if not afford(_BESIDE * len(left) * (2 * _AVERAGED + between)):
+            good |= set(left)
+        if not left or good.issuperset(left):
+            break
+        begin = [
+            _beside(exact, found[k], nearer * rng.choice([-1.0, 1.0], (_BESIDE, exact.dimension)), extent) for k in left
+        ]
+        orbits = Orbits.starting(wrap(np.concatenate(begin), exact.coordinates))
+        early, _ = history_of(exact, orbits, _AVERAGED)
+        moved_on(exact, orbits, between)
+        late, _ = history_of(exact, orbits, _AVERAGED)
+        for k, mine in zip(left, slices(len(orbits), _BESIDE), strict=True):
+            if orbits.alive[mine].all() and _come(exact, found[k], early[:, mine], late[:, mine], extent):
+                good.add(k)
+        left = [k for k in left if k not in good]
+    return [found[k] for k in sorted(good)]
+
+
+def _beside(exact: PointMap, attractor: Attractor, away: Floats, extent: Floats) -> Floats:
+    """Return states beside some points of an attractor, as far away (n, d) from them as wanted, 1 for the farthest."""
+    span = np.ptp(difference(attractor.points, attractor.points[0], exact.coordinates), axis=0)
+    farthest = np.minimum(_FARTHER * _radii(attractor), _FARTHEST * np.maximum(span, CLOSED * extent))
+    return np.asarray(attractor.points[evenly(len(attractor.points), len(away))] + away * farthest)
+
+
+def _come(exact: PointMap, attractor: Attractor, early: Floats, late: Floats, extent: Floats) -> bool:
+    """Tell whether orbits (periods, n, d) are in the region of an attractor late, and nearly have its averages."""
+    owners = Catalogue.of([attractor], exact).owners_of(late.reshape(-1, exact.dimension)).reshape(late.shape[:2])
+    mine, spread = (
+        Averages.of(attractor.points[:, None], exact, extent),
+        spread_of(attractor.points, exact, extent, _AVERAGED),
+    )
+    first, last = (mine.apart(Averages.of(h, exact, extent), 0) for h in (early, late))
+    return bool((owners == 0).mean(axis=0).min() >= _INSIDE and (last <= np.maximum(spread, _CLOSER * first)).all())

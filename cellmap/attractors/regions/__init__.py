@@ -1,1 +1,1 @@
-"""Regions around attractors that orbits do not leave: ellipsoids, tubes, boxes and hulls."""
+"""Regions around attractors that orbits do not leave: ellipsoids, tubes and boxes."""

@@ -22,7 +22,7 @@ from ...maps.orbit_batch import CHUNK, NOTHING, PERIODS_AT_ONCE, Orbits, Status,
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor, Cover
 from ..labels import LABELS_OF, Label, label_type
-from ..regions.boxes import box_keys, boxes_around, full_residence
+from ..regions.boxes import RESIDENCE, box_keys, boxes_around, full_residence
 from ..regions.sieves import sieve_of
 from .escape import beyond, escape
 from .quotients import Quotient, quotient_by
@@ -68,6 +68,7 @@ class Catalogue:
                 np.concatenate([np.empty((0, d)), *(n.centres for _, n in regions)]),
                 np.concatenate([np.empty((0, d, d)), *(n.metrics for _, n in regions)]),
                 np.array([k for k, n in regions for _ in n.centres], np.int64),
+                np.array([0 if a.neighbourhood is None or a.verified else RESIDENCE for a in attractors], np.int64),
             ),
             covers,
             _boxes(covers, [full_residence(a) for a in attractors], turn),
@@ -103,7 +104,7 @@ class Catalogue:
 
     def shrunk(self, factor: float) -> Catalogue:
         """Return the catalogue with smaller trapping regions; those that are not verified hold the attractors."""
-        fixed = np.array([not a.verified for a in self.attractors], bool)[self.regions.owners]
+        fixed = (self.regions.residence > 0)[self.regions.owners]
         metrics = np.where(fixed[:, None, None], 1.0, factor**-2) * self.regions.metrics
         return replace(self, regions=self.regions._replace(metrics=metrics))
 
@@ -334,6 +335,7 @@ def _labelled(
         before=np.full((n, d), np.nan),
         residence=np.zeros((len(catalogue.covers), n), np.int64),
         stays=np.zeros((len(catalogue.covers), n), np.int64),
+        visits=np.full((3, n if catalogue.regions.residence.any() else 0), -1),
         told=np.full(0 if rule is None else n, -1),
         labels_of=LABELS_OF,
     )
