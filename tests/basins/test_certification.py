@@ -189,7 +189,7 @@ def test_initial_conditions_that_settle_late_or_never(contraction):
     assert (certificate.basins.labels == Label.UNDECIDED).any()
     np.testing.assert_array_equal(certificate.basins.labels, labels_within(basins))
     assert (certificate.evidence[certificate.basins.labels == Label.UNDECIDED] == Evidence.OPEN).all()
-    assert certificate.basins.undecided == {Reason.REGULAR: min(certificate.undecided, 32)}  # spirals
+    assert certificate.basins.undecided == {Reason.LATE: min(certificate.undecided, 32)}
     undecided = (certificate.basins.labels == Label.UNDECIDED).mean()
     assert certificate.undecided == round(undecided * certificate.evidence.size)
     assert certificate.wrong[0] == 0.0
