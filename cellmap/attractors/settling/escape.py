@@ -21,7 +21,8 @@ def far_bound(point_map: PointMap, states: Floats) -> Floats:
     """
     turning, size = turns_of(point_map.coordinates)[1] > 0, np.abs(states).max(axis=0)
     size = np.where(size > 0.0, size, np.where(turning, 0.0, size).max() or 1.0)
-    return np.where(turning, np.inf, _FAR * np.minimum(size, np.finfo(float).max / _FAR))
+    with np.errstate(over="ignore"):
+        return np.where(turning, np.inf, _FAR * size)
 
 
 def beyond(points: Floats, bound: Floats) -> Bools:
