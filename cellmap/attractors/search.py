@@ -399,7 +399,11 @@ def curves_and_cycles(
         return []
     found = quasiperiodic_attractors(point_map, states, extent, age, known, slow, examined.afford)
     fresh = found.attractors + verified_cycles(point_map, found.cycles, [*known, *found.attractors], extent, examined)
-    return fresh or continua(point_map, found.cycles, extent, known, examined.lines)
+    if fresh or not found.cycles:
+        return fresh
+    # Orbits that rest have closed after any number of periods, the least of which counts.
+    points, longest = np.array([point for point, _ in found.cycles]), max(period for _, period in found.cycles)
+    return continua(point_map, closed_orbits(point_map, points, extent, longest), extent, known, examined.lines)
 
 
 def verified_cycles(

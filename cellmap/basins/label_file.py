@@ -228,6 +228,7 @@ def _write_examined(group: h5py.Group, examined: Examined) -> None:
     nothing = np.full(d, np.nan)
     group["points"] = examined.points
     group["images"] = np.array([examined.images], float)
+    group["bound"] = np.full((0, d), np.nan) if examined.bound is None else examined.bound[None]
     group["guesses"] = np.array([np.frombuffer(bits) for bits, _ in examined.ends]).reshape(-1, d)
     group["periods"] = np.array([period for _, period in examined.ends], np.int64)
     group["solved"] = np.array([end is not None for end in examined.ends.values()], bool)
@@ -255,7 +256,11 @@ def _read_examined(group: h5py.Group, empty: Examined) -> Examined:
         lines = np.split(points, np.cumsum(counts)[:-1]) if len(counts) else []
     points = array_of(group, "points", np.float64, (None, d))
     images = float(array_of(group, "images", np.float64, (1,))[0]) if "images" in group else empty.images
-    return replace(empty, points=points, ends=known, lines=lines, images=images)
+    bound = empty.bound
+    if "bound" in group:  # earlier files have none
+        bounds = array_of(group, "bound", np.float64, (None, d))
+        bound = bounds[0] if len(bounds) else None
+    return replace(empty, points=points, ends=known, lines=lines, images=images, bound=bound)
 
 
 def describe_attractors(attractors: Sequence[Attractor]) -> str:

@@ -30,6 +30,7 @@ _MOST_POINTS = 512  # of a segment
 _TURNING = 6  # points after which a curve may have come back to the first of them
 _SHORTEST = 0.5**20  # step, in extents of the region
 _BEYOND = (1.0, 1.5, 2.0)  # distances from the middle, in units of that of an end, at which orbits move
+_ROUNDING = 1e-14  # largest move, in extents of the region, that says nothing
 _RELAXING = 64  # periods of the cycle in which they come to the line along which they do
 _AS_FORESEEN = 0.1  # least part of the move at an end that a power of the distance foresees
 _END = 0.5**12  # of the length of a segment to which its ends are found
@@ -135,7 +136,7 @@ def fades(exact: PointMap, points: Floats, period: int, extent: Floats) -> bool:
         path = path_of(exact, Orbits.starting(places), (_RELAXING + 1) * period)
         moves = difference(path[-1], path[-1 - period], exact.coordinates) / extent
         length, (at_end, near, beyond) = np.linalg.norm(end - middle), np.linalg.norm(moves, axis=1)
-        if not 0.0 < near < beyond <= (1.0 - _CONTRACTING) * length:
+        if not _ROUNDING < near < beyond <= (1.0 - _CONTRACTING) * length:
             continue
         power = np.log(beyond / near) / np.log(_BEYOND[2] / _BEYOND[1])
         if at_end >= _AS_FORESEEN * beyond * _BEYOND[2] ** -power:
