@@ -23,6 +23,7 @@ from ...orbits.lyapunov import stretched
 from ..regions.lyapunov_regions import Afford
 from ..regions.tube import NARROW, SAMPLED, Curves, Tube, ellipsoids_of_tube, images_of_surface, verified_tube
 from ..settling.settle import Catalogue
+from .creeping import creeping
 
 _RECORDS = (1024, 4096, 16384)  # samples of an orbit in which its returns are sought, one record after the other
 _PACE = 0.01  # way from one sample to the next, in units of the motion: some hundred samples in a cycle
@@ -156,6 +157,8 @@ def _paced(
         ways = np.linalg.norm(difference(path[1:], path[:-1], exact.coordinates) / _sizes(path, exact, extent), axis=1)
         if not ways.sum() > 0.0 or ways[-_PACED // 4 :].sum() <= _AT_REST * ways.sum():
             return None
+        if ways[-1] < ways[0] and creeping(exact, path[-1:], extent).found[0]:
+            return None  # it would be followed over ever longer intervals
         factor = _PACE / float(ways.mean())
         if 1.0 / _ALIKE <= factor <= 1.0:
             return path, step
