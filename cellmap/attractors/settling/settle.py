@@ -209,7 +209,8 @@ def _settled_within(
     age: int,
     stop: Stop | None,
 ) -> Settled:
-    if catalogue.covers:  # in which orbits have to stay for longer than from look to look
+    # Where orbits have to stay, they do for longer than from look to look.
+    if catalogue.covers or catalogue.regions.residence.any():
         if age > 0:
             return settle(point_map, orbits, catalogue, periods, age, stop)
         ahead = replace(orbits, points=orbits.points.copy(), rotations=orbits.rotations.copy(), work=Work())
