@@ -94,8 +94,7 @@ class LabellingTask:
         settled = self._settled(states, self.restart_times[-1] if self.restart_times else 0, self.time_limit)
         if not self.last:
             return settled
-        bound = far_bound(self.point_map, self.initial_conditions.region)
-        return settled_at_last(self.point_map, self.attractors, self.time_limit, settled, bound)
+        return settled_at_last(self.point_map, self.attractors, self.time_limit, settled, self._farthest)
 
     def _states(self, rows: slice | Ints) -> Orbits:
         orbits = Orbits.starting(self.initial_conditions.wrapped(rows, self.point_map))
@@ -105,6 +104,10 @@ class LabellingTask:
 
     def _settled(self, orbits: Orbits, begin: int, end: int) -> Settled:
         return settle(self.point_map, orbits, self._catalogue, end - begin, begin, self.stop, self.bound)
+
+    @computed_once
+    def _farthest(self) -> Floats:
+        return far_bound(self.point_map, self.initial_conditions.region)
 
     @computed_once
     def _catalogue(self) -> Catalogue:

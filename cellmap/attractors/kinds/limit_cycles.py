@@ -21,7 +21,17 @@ from ...orbits.attractor import Attractor, Kind, Neighbourhood
 from ...orbits.invariant_circle import InvariantCircle, curve_size, measured, signals_of
 from ...orbits.lyapunov import stretched
 from ..regions.lyapunov_regions import Afford
-from ..regions.tube import NARROW, SAMPLED, Curves, Tube, ellipsoids_of_tube, images_of_surface, verified_tube
+from ..regions.tube import (
+    LEAST,
+    NARROW,
+    SAMPLED,
+    Curves,
+    Tube,
+    ellipsoids_of_tube,
+    images_of_surface,
+    lengths_beside,
+    verified_tube,
+)
 from ..settling.settle import Catalogue
 from .creeping import creeping
 
@@ -51,7 +61,6 @@ _HARMONICS = 1024  # of the Fourier series, at most
 _SMOOTH = 1e-12  # part of the last harmonics in the largest, with which more of them show rounding
 _AHEAD = 4  # orbits that are tried in one look, and before all are followed
 _KEPT = 512  # points of an attractor
-_LEAST = 0.01  # size along an axis, in units of the largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,8 +178,7 @@ def _paced(
 
 def _sizes(points: Floats, exact: PointMap, extent: Floats) -> Floats:
     """Return lengths along each axis in which distances from an orbit are about the same in all directions."""
-    span = curve_size(points, exact.coordinates)
-    return np.asarray(np.maximum(span, _LEAST * extent * (span / extent).max()))
+    return lengths_beside(curve_size(points, exact.coordinates), extent)
 
 
 def _returns(path: Floats, exact: PointMap, size: Floats) -> Iterator[tuple[int, float]]:
@@ -326,7 +334,7 @@ class _Logarithms:
     def sizes(self, points: Floats, exact: PointMap, extent: Floats) -> Floats:
         """Return lengths along each of them, as :func:`_sizes` does."""
         size, span = _sizes(points, exact, extent), np.ptp(self.of(points), axis=0)
-        return np.asarray(np.where(self.kept, np.maximum(span, _LEAST * size / np.abs(points).max(axis=0)), size))
+        return np.asarray(np.where(self.kept, np.maximum(span, LEAST * size / np.abs(points).max(axis=0)), size))
 
     def back(self, places: Floats) -> Floats:
         """Return the points."""

@@ -19,7 +19,17 @@ from ...orbits.invariant_torus import fitted_torus
 from ...orbits.newton import newton, stable_orbit
 from ..regions.boxes import inside_cover
 from ..regions.lyapunov_regions import Afford, always
-from ..regions.tube import DENSE, FIRST_FACTOR, MOST_STEPS, SAMPLED, Curves, DenseTorus, cover_of_tube, verified_tube
+from ..regions.tube import (
+    DENSE,
+    FIRST_FACTOR,
+    MOST_STEPS,
+    SAMPLED,
+    Curves,
+    DenseTorus,
+    cover_of_tube,
+    lengths_beside,
+    verified_tube,
+)
 from .chaos import aperiodic
 from .creeping import creeping
 from .exponents import Growing
@@ -166,7 +176,7 @@ def _size(points: Floats, exact: PointMap, extent: Floats) -> Floats:
     """Return lengths along each axis in which a tube around curves is about as wide in all directions."""
     d = exact.dimension
     span = np.max([curve_size(curve, exact.coordinates) for curve in points.reshape(len(points), -1, d)], axis=0)
-    return np.asarray(np.maximum(span, 0.01 * extent * (span / extent).max()))
+    return lengths_beside(span, extent)
 
 
 def _is_new(attractor: Attractor, known: Sequence[Attractor], point_map: PointMap) -> bool:

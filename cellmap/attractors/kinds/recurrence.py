@@ -226,12 +226,16 @@ def _region(exact: PointMap, path: Floats, extent: Floats) -> Neighbourhood:
     Lengths are in units of the size of the orbit along each coordinate, at least of a small part of the region.
     """
     turn, rows = turns_of(exact.coordinates)[1], evenly(len(path), _CENTRES)
-    span = np.ptp(difference(path, path[0], exact.coordinates), axis=0)
-    size = np.where(turn > 0, turn, np.maximum(span, CLOSED * extent))
+    size = np.where(turn > 0, turn, _span(exact, path, extent))
     others = path[1:][evenly(len(path) - 1, len(rows))]
     apart = tree_of(path[rows], size, exact).query(in_units(others, size, exact), workers=thread_count())[0]
     radius = _WIDER * max(float(apart.max()), CLOSED)
     return Neighbourhood(path[rows], np.tile(np.diag((radius * size) ** -2.0), (len(rows), 1, 1)), 1.0)
+
+
+def _span(exact: PointMap, path: Floats, extent: Floats) -> Floats:
+    """Return the size of an orbit (periods, d) along each coordinate, at least a small part of that of the region."""
+    return np.asarray(np.maximum(np.ptp(difference(path, path[0], exact.coordinates), axis=0), CLOSED * extent))
 
 
 def _attracting(
@@ -264,17 +268,14 @@ def _attracting(
 
 def _beside(exact: PointMap, attractor: Attractor, away: Floats, extent: Floats) -> Floats:
     """Return states beside some points of an attractor, as far away (n, d) from them as wanted, 1 for the farthest."""
-    span = np.ptp(difference(attractor.points, attractor.points[0], exact.coordinates), axis=0)
-    farthest = np.minimum(_FARTHER * _radii(attractor), _FARTHEST * np.maximum(span, CLOSED * extent))
+    farthest = np.minimum(_FARTHER * _radii(attractor), _FARTHEST * _span(exact, attractor.points, extent))
     return np.asarray(attractor.points[evenly(len(attractor.points), len(away))] + away * farthest)
 
 
 def _come(exact: PointMap, attractor: Attractor, early: Floats, late: Floats, extent: Floats) -> bool:
     """Tell whether orbits (periods, n, d) are in the region of an attractor late, and nearly have its averages."""
     owners = Catalogue.of([attractor], exact).owners_of(late.reshape(-1, exact.dimension)).reshape(late.shape[:2])
-    mine, spread = (
-        Averages.of(attractor.points[:, None], exact, extent),
-        spread_of(attractor.points, exact, extent, _AVERAGED),
-    )
+    mine = Averages.of(attractor.points[:, None], exact, extent)
+    spread = spread_of(attractor.points, exact, extent, _AVERAGED)
     first, last = (mine.apart(Averages.of(h, exact, extent), 0) for h in (early, late))
     return bool((owners == 0).mean(axis=0).min() >= _INSIDE and (last <= np.maximum(spread, _CLOSER * first)).all())

@@ -33,6 +33,9 @@ MOST_STEPS, FIRST_FACTOR = 256, 0.6
 NARROW = 1e-4
 """Radius of the first surface, in units of the curve's size."""
 
+LEAST = 0.01
+"""Length along an axis in which distances from a curve are measured, in units of the largest, at least."""
+
 _SEEN = {1: 128, 2: 128, 3: 128}  # points of each surface along a curve; else 64
 _ALLOWED = 0.9  # largest factor on all other surfaces
 _GROWTH = {1: 1.25, 2: 1.25, 3: 1.25}  # factor from one surface to the next; else 2.0
@@ -369,6 +372,11 @@ def _feet_on_edges(curves: Attracting, points: Floats, here: Floats, there: Floa
     length = np.maximum((along**2).sum(axis=1), 1e-300)
     fraction = np.clip((shift * along).sum(axis=1) / length, 0.0, 1.0)
     return np.linalg.norm(shift - fraction[:, None] * along, axis=1), fraction
+
+
+def lengths_beside(span: Floats, extent: Floats) -> Floats:
+    """Return lengths in which distances from a curve of some span are about the same in all directions."""
+    return np.asarray(np.maximum(span, LEAST * extent * (span / extent).max()))
 
 
 def nearest_places(curves: Attracting, points: Floats) -> Ints:
