@@ -74,8 +74,10 @@ def off(images: Points, exact: Points, tolerance: float) -> Points:
 
 
 @pytest.mark.parametrize("tolerance", at_once([1e-9], later=[1e-6]))
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", LAYERS)
+@pytest.mark.parametrize(
+    ("name", "method"),
+    at_once([("bump", "auto"), ("front", "DOP853")], later=[(n, m) for n in LAYERS for m in METHODS]),
+)
 def test_layers_in_the_state(name: str, method: str, tolerance: float) -> None:
     rhs, after, dimension = LAYERS[name]
     rng, seen = np.random.default_rng(0), 0
@@ -91,7 +93,7 @@ def test_layers_in_the_state(name: str, method: str, tolerance: float) -> None:
     assert seen >= 24 * (len(WIDTHS) if method == "auto" and dimension == 2 else 3)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", at_once(["auto"], later=METHODS))
 def test_pulses_in_time(method: str) -> None:
     """Over a period exp(k (cos t - 1)) adds up to 2 pi exp(-k) I_0(k), where k is large by its asymptotic series."""
     for width in WIDTHS:
@@ -128,24 +130,12 @@ def test_expansion_within_a_period(method: str) -> None:
         assert (off(found.points[met], exact[met], tolerance) <= 1.0).all(), expansion
 
 
-def test_expansion_that_is_lost_again() -> None:
-    """x' = a cos(t) (x - sin t) + cos t expands by exp(a) and contracts by as much: the image is the initial value."""
-    for rate in (1.0, 4.0, 8.0, 12.0):
-        system = ForcedSystem(
-            lambda t, x, p: (p.rate * cos(t) * (x[0] - sin(t)) + cos(t),), {"rate": rate}, 2.0 * pi, ("x",)
-        )
-        points = np.linspace(-1.0, 1.0, 9)[:, None]
-        found = follow(stroboscopic_map(system), points, 1)
-        met = found.status == Status.OK
-        assert (off(found.points[met], points[met], 1e-9) <= 1.0).all(), rate
-
-
 def test_long_expansions_are_within_the_tolerance_or_reported() -> None:
     """Ten periods of a chaotic oscillator as one expand by up to 1e7; SciPy at a thousandth of the tolerance."""
     system = ForcedSystem(
         lambda t, x, p: (x[1], x[0] - x[0] ** 3 - 0.1 * x[1] + 0.35 * cos(1.4 * t)), {}, 20.0 * pi / 1.4, ("q", "v")
     )
-    points = np.random.default_rng(0).uniform(-2.0, 2.0, (300, 2))
+    points = np.random.default_rng(0).uniform(-2.0, 2.0, (100, 2))
     tolerance = 1e-6
     found = follow(stroboscopic_map(system, rtol=tolerance, atol=tolerance), points, 1)
     exact = follow(stroboscopic_map(system, rtol=1e-11, atol=1e-11, method="DOP853"), points, 1)
@@ -153,7 +143,7 @@ def test_long_expansions_are_within_the_tolerance_or_reported() -> None:
         alone = follow(stroboscopic_map(system, rtol=tolerance, atol=tolerance), points[k], 1)
         assert (alone.points == found.points[k]).all() and alone.status == found.status[k]
     both = (found.status == Status.OK) & (exact.status == Status.OK)
-    assert both.sum() > 250
+    assert both.sum() > 80
     assert (off(found.points[both], exact.points[both], tolerance) <= 1.0).all()
     for k in range(3):
         checked = solve_ivp(system.fun, (0.0, system.length), points[k], method="DOP853", rtol=3e-14, atol=1e-14)

@@ -202,6 +202,7 @@ def comes_to_rest(e: float, height: float, speed: float, amplitude: float) -> bo
     return False
 
 
+@pytest.mark.thorough
 def test_a_branch_ends_where_its_orbit_no_longer_comes_to_rest():
     """Impacts on a table accumulate the later the less speed they take; then the table has fallen away before."""
     table = Impact(

@@ -148,8 +148,7 @@ def test_poles_in_time(method, steps):
 
 
 @quiet
-@pytest.mark.parametrize("steps", [256, 16384])
-@pytest.mark.parametrize("far", [False, True])
+@pytest.mark.parametrize(("steps", "far"), at_once([(256, False), (16384, True)], later=[(256, True), (16384, False)]))
 def test_poles_beside_switches_and_stops(steps, far):
     """Coulomb friction of 0.01, located; or a stop on the other side.  The electrode is released beyond the saddle."""
     friction = 0.0 if far else 0.01
@@ -202,7 +201,7 @@ def test_what_is_stiff_does_not_end(name, method, steps):
 
 
 @quiet
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", at_once(["DOP853", "Rosenbrock"], later=METHODS))
 def test_what_grows_for_ever_diverges(method):
     """Exponentials pass 1e100 after 230 times of growth."""
     linear = images(lambda t, x, p: (50.0 * x[0], -x[1]), 2 * pi, [1.0, 1.0], ("x", "y"), method)
@@ -221,7 +220,7 @@ def test_an_inaccurate_image_has_a_digit():
 
 
 @quiet
-@pytest.mark.parametrize("method", ["DOP853", "RK45"])
+@pytest.mark.parametrize("method", at_once(["DOP853"], later=["RK45"]))
 def test_jumps_are_no_poles(method):
     """x' = x^(-1/2) passes zero at infinite speed, friction holds a mass: they miss the tolerance, and do not end."""
     friction = images(

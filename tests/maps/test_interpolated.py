@@ -6,7 +6,7 @@ from math import pi, sin, sqrt
 
 import numpy as np
 import pytest
-from maps_to_interpolate import COARSE, NONSMOOTH, ORDERS, SMOOTH, errors_at, exact_map, interpolated
+from maps_to_interpolate import COARSE, ORDERS, SMOOTH, errors_at, exact_map, interpolated
 from two_tiers import at_once
 
 import systems
@@ -203,18 +203,6 @@ def test_multi_period_steps_agree_with_the_exact_map_to_the_tolerance(pendulum):
     off = [np.median(np.abs(m.iterate(PLACES, 8).unwrapped - exact).max(axis=-1)) for m in (single, tight, lax)]
     assert off[1] < off[0] + 1e-6
     assert off[2] > 1e-4
-
-
-@pytest.mark.parametrize("name", NONSMOOTH)
-@pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")
-def test_multi_period_steps_across_what_is_not_smooth(name):
-    exact = discrete_map(NONSMOOTH[name], {}, ("x",))
-    grid = CellGrid((-1.0,), (1.0,), (200,))
-    places = np.linspace(-1.0, 1.0, 5003)[:, None]
-    single, multiple = (interpolated_map(exact, grid, 5, "integrate", 1e-6, max_step=max_step) for max_step in (1, 4))
-    difference = np.abs(multiple.iterate(places, 4).points - single.iterate(places, 4).points)
-    assert np.median(difference) < 1e-6
-    assert (difference > 1e-4).mean() < 0.01
 
 
 @pytest.mark.parametrize("name", ["cylinder", "plane", "torus"])

@@ -2,7 +2,7 @@
 
 import re
 from itertools import product
-from math import ceil, pi
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -189,25 +189,3 @@ def test_points_at_edges_of_cells(dimension, order) -> None:
     assert (carried.status == Status.OK).all()
     assert np.array_equal(carried.points[~inside], expected[~inside])
     assert np.array_equal(carried.points[inside], image.points[inside])
-
-
-@pytest.mark.parametrize("dimension", at_once([1, 2], later=[3, 4]))
-def test_points_at_edges_of_cells_of_any_width(dimension) -> None:
-    """Windows whose edges are no round numbers, angles among them."""
-    rng = np.random.default_rng(dimension)
-    for angles in range(2):
-        exact = linear(dimension, angles)
-        for _ in range(8 if dimension < 4 else 2):
-            lower, shape = rng.uniform(-3, 3, dimension), [max(3, n // 2) for n in SIZES[dimension]]
-            upper = np.where(np.arange(dimension) < angles, lower + 2 * pi, lower + rng.uniform(0.1, 5, dimension))
-            grid = CellGrid(tuple(lower), tuple(upper), tuple(shape))
-            table = interpolated_map(exact, grid, 3 if dimension < 4 else 1, "escape")
-            edges = np.array(list(product(*(grid.edges(j) for j in range(dimension)))))
-            image = table.iterate(edges, 1)
-            assert (image.status == Status.OK).all()
-            assert image.unwrapped == pytest.approx(exact.iterate(edges, 1).unwrapped, abs=1e-13)
-            near = np.array(list(product(*(edges_and_neighbours(grid, j) for j in range(dimension)))))
-            image = table.iterate(near, 1)
-            stayed = image.status == Status.OK
-            assert stayed.mean() > 0.3
-            assert image.unwrapped[stayed] == pytest.approx(exact.iterate(near[stayed], 1).unwrapped, abs=1e-13)

@@ -11,7 +11,6 @@ import pytest
 
 import cellmap._lib.checks
 from cellmap import ForcedSystem, PointMap, Status, angle, discrete_map, set_threads, stroboscopic_map
-from cellmap._compiled.machine_code import machine_code
 from cellmap.maps import jacobian
 from cellmap.maps.orbit_batch import Orbits
 from cellmap.maps.side_by_side import advance_on_threads, parts_of
@@ -66,15 +65,6 @@ def test_an_orbit_is_the_images_one_by_one(name: str, request: pytest.FixtureReq
         assert np.array_equal(orbit.points[k], images.points, equal_nan=True)
         assert np.array_equal(orbit.rotations[k], images.rotations)
         assert np.array_equal(orbit.status[k], images.status)
-
-
-def test_iterating_is_a_semigroup(pendulum: PointMap) -> None:
-    initial_conditions = np.random.default_rng(1).uniform(-3.0, 3.0, (50, 2))
-    first = pendulum.iterate(initial_conditions, 3)
-    second = pendulum.iterate(first.points, np.int32(4))
-    at_once = pendulum.iterate(initial_conditions, 7)
-    assert np.array_equal(second.points, at_once.points)
-    assert np.array_equal(first.rotations + second.rotations, at_once.rotations)
 
 
 def test_no_period_wraps_and_nothing_else(rotation: PointMap) -> None:
@@ -163,14 +153,6 @@ def test_orbits_without_an_image_have_diverged(function: Callable[..., Any], mes
     images = discrete_map(function, {}, ("x", "y")).iterate([[1.0, 100.0], [1.0, 50.0]], 5)
     assert (images.status == Status.DIVERGED).all(), message
     assert np.isnan(images.points).all()
-
-
-def test_other_parameters_compile_nothing(henon: PointMap) -> None:
-    henon([0.0, 0.0])
-    compiled = machine_code.cache_info().misses
-    for a in (0.9, 1.0, 1.1):
-        assert discrete_map(of_henon, {"a": a, "b": 0.2}, ("x", "y"))([2.0, 0.0])[0] == pytest.approx(1.0 - 4.0 * a)
-    assert machine_code.cache_info().misses == compiled
 
 
 def test_the_bounded_fraction_of_henons_map(henon: PointMap) -> None:

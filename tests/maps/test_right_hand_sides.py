@@ -55,22 +55,6 @@ def test_no_parameters_one_variable_and_an_unforced_flow() -> None:
         assert stroboscopic_map(decay, method=method)([2.0]) == pytest.approx(2.0 * np.exp(-1.0), rel=1e-8)
 
 
-def test_helpers_loops_and_numpy_in_a_right_hand_side(scipy_images: ImagesOf) -> None:
-    def spring(a: float, b: float) -> float:
-        return np.sin(a - b) + 0.1 * (a - b) ** 3
-
-    def rhs(t: float, x: Any, p: Any) -> tuple[float, ...]:
-        n = len(x) // 2
-        force = [sum(spring(x[j], x[i]) for j in (i - 1, i + 1) if 0 <= j < n) for i in range(n)]
-        return *x[n:], *(f - p.c * v + 0.1 * np.cos(t) for f, v in zip(force, x[n:], strict=True))
-
-    names = ("a", "b", "c", "u", "v", "w")
-    system = ForcedSystem(rhs, {"c": 0.1}, 2 * pi, names)
-    initial_conditions = np.random.default_rng(5).uniform(-1.0, 1.0, (3, 6))
-    strobe = stroboscopic_map(system, rtol=1e-7, atol=1e-7, method="RK45")
-    assert strobe(initial_conditions) == pytest.approx(scipy_images(system, initial_conditions), abs=1e-6)
-
-
 EQUAL, SINE = np.linspace(-2.0, 2.0, 9), np.sin(np.linspace(-2.0, 2.0, 9)) * 2.0
 MANY = np.linspace(-2.0, 2.0, 101)
 UNEQUAL, FORCE = [-2.0, -1.0, 0.0, 0.3, 0.5, 1.5, 2.1], [-3.0, -1.0, 0.0, 0.1, 0.2, 0.9, 3.0]

@@ -88,17 +88,6 @@ def test_damped_oscillator_in_closed_form(direction):
         np.testing.assert_allclose(half.points, initial_conditions * exp(-0.1 * pi / frequency), rtol=1e-10)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("tolerance", [1e-9, 1e-12])
-def test_no_orbit_is_lost_at_the_section_of_an_angle(tolerance):
-    """All rotations come back in 30 returns, and after that to within exp(-0.2 * 30 * 0.84) of the stable one."""
-    back = section_map(TORQUE, ("theta", 1.0, 1), rtol=tolerance, atol=tolerance)
-    speeds = np.random.default_rng(0).uniform(3.0, 9.0, (2000, 1))
-    found = back.iterate(speeds, 30)
-    assert (found.status == Status.OK).all()
-    assert np.ptp(found.points) < 6.0 * exp(-0.2 * 30 * 0.8)
-
-
 @pytest.mark.parametrize("value", at_once([pi], later=[0.4, 7.0]))
 def test_an_angle_that_only_grows_never_falls_through_its_section(value):
     """theta' = w: a rotation takes 2 pi / w, in the direction of w alone."""

@@ -21,7 +21,7 @@ def system_of(case: Case) -> ForcedSystem:
 
 
 @pytest.mark.parametrize("tolerance", at_once([1e-9], later=[1e-6]))
-@pytest.mark.parametrize("name", at_once(["van der Pol, mu = 1", "van der Pol, mu = 100", "Robertson"], later=CASES))
+@pytest.mark.parametrize("name", at_once(["van der Pol, mu = 100", "Robertson"], later=CASES))
 def test_stiff_systems_meet_their_tolerance(name: str, tolerance: float) -> None:
     case = CASES[name]
     strobe = stroboscopic_map(system_of(case), rtol=tolerance, atol=tolerance * 1e-3)
@@ -31,12 +31,11 @@ def test_stiff_systems_meet_their_tolerance(name: str, tolerance: float) -> None
 
 
 def test_the_method_follows_from_the_work() -> None:
-    chosen = {name: method_of(stroboscopic_map(system_of(case))) for name, case in CASES.items()}
-    assert {chosen["van der Pol, mu = 100"], chosen["van der Pol, mu = 1000"], chosen["Robertson"]} == {"Rosenbrock"}
-    assert chosen["van der Pol, mu = 1"] != "Rosenbrock"
+    stiff, usual = (method_of(stroboscopic_map(system_of(CASES[f"van der Pol, mu = {mu}"]))) for mu in (1000, 1))
+    assert stiff == "Rosenbrock" != usual
 
 
-@pytest.mark.parametrize("tolerance", [1e-5, 1e-6, 1e-7])
+@pytest.mark.parametrize("tolerance", at_once([1e-6], later=[1e-5, 1e-7]))
 def test_thin_layers_are_seen(tolerance: float) -> None:
     """Few steps of the period pass over the layer, a thousandth wide, in which friction turns round."""
     strobe = stroboscopic_map(system_of(CASES["tanh(1000 v)"]), rtol=tolerance, atol=tolerance)
@@ -86,8 +85,8 @@ def test_its_coefficients_meet_the_conditions_of_order_five() -> None:
     assert max(abs(after_a_step(1j * y)) for y in np.linspace(0.0, 50.0, 2001)) <= 1.0 + 1e-9
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
-@pytest.mark.parametrize("narrowness", [500.0, 2e4])
+@pytest.mark.parametrize("tolerance", at_once([1e-6], later=[1e-9]))
+@pytest.mark.parametrize("narrowness", at_once([2e4], later=[500.0]))
 def test_a_short_pulse_is_not_passed_over(narrowness: float, tolerance: float) -> None:
     """A fast variable follows a pulse of a hundredth of the period, from rest: a linear system, in closed form."""
 

@@ -58,7 +58,7 @@ def test_the_tolerance_is_met_at_precise_images(problems, precise_images, allowa
     assert (np.abs(images.unwrapped - exact) <= allowance(problems[name], exact, tolerance, tolerance)).all()
 
 
-RANDOM = 20_000  # initial conditions
+RANDOM = 5_000  # initial conditions
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +108,7 @@ def test_a_linear_flow_is_its_exponential(method: str) -> None:
     assert strobe([[1.0, 0.0], [3.0, -2.0]]) == pytest.approx(np.array([[0.0, -1.0], [-2.0, -3.0]]), abs=3e-14)
 
 
-@pytest.mark.parametrize("phase", [0.0, 0.25, -0.4, 3.25])
+@pytest.mark.parametrize("phase", [0.25, -3.4])
 def test_the_section_lies_at_the_phase(problems, scipy_images, phase):
     for name in ("Duffing", "pendulum, 3 mm"):
         initial_conditions = initial_conditions_of(name, 4, seed=5)
@@ -130,8 +130,8 @@ def test_free_rotation_loses_nothing_over_many_periods() -> None:
 @pytest.mark.parametrize(
     ("name", "method"),
     at_once(
-        [("vertically driven", "auto"), ("Duffing", "DOP853"), ("dry friction", "auto"), ("impacts", "auto")],
-        later=[("double pendulum", "auto")],
+        [("Duffing", "DOP853"), ("impacts", "auto")],
+        later=[("double pendulum", "auto"), ("dry friction", "auto"), ("vertically driven", "auto")],
     ),
 )
 def test_an_image_does_not_depend_on_its_neighbours(problems, name, method):

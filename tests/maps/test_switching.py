@@ -24,7 +24,7 @@ from two_tiers import at_once
 from cellmap import ForcedSystem, Status, stroboscopic_map
 from cellmap._compiled.kernels.blocks import LANES
 from cellmap.maps import ToleranceWarning, jacobian
-from systems import dimensionless_pendulum, triple_pendulum
+from systems import dimensionless_pendulum
 
 
 @functools.cache
@@ -38,8 +38,8 @@ def exact_images(name: str) -> Array:
     ("name", "tolerance"),
     [
         *at_once(
-            [("dry friction", tolerance) for tolerance in (1e-4, 1e-6, 1e-9, 1e-13)],
-            later=[(name, 1e-6 if "masses" in name else 1e-9) for name in CASES],
+            [("dry friction", tolerance) for tolerance in (1e-4, 1e-9)],
+            later=[("dry friction", 1e-13), *((name, 1e-6 if "masses" in name else 1e-9) for name in CASES)],
         ),
         *[pytest.param(name, 1e-12, marks=pytest.mark.slow) for name in EVERY_CASE],
     ],
@@ -64,19 +64,6 @@ def test_derivatives_agree_with_the_oracle(name: str) -> None:
     for ic, matrix in zip(initial_conditions, matrices, strict=True):
         expected = differences(Oracle(system), ic, scale)
         assert matrix == pytest.approx(expected, abs=1e-9 + 1e-6 * np.abs(expected).max())
-
-
-@pytest.mark.slow
-def test_three_links() -> None:
-    """The most switches tested; every one of them sticks now and then."""
-    system = triple_pendulum(friction=2500.0, frequency=50.0)
-    initial_conditions = initial_conditions_of([pi] * 3 + [20.0] * 3, 8)
-    log: list[tuple[float, Array, Mode, Mode]] = []
-    exact = np.array([Oracle(system).image(ic, log) for ic in initial_conditions])
-    images = stroboscopic_map(system, rtol=1e-9, atol=1e-9).iterate(initial_conditions, 1)
-    assert (images.status == Status.OK).all()
-    assert images.unwrapped == pytest.approx(exact, rel=1e-8, abs=1e-8)
-    assert {e for _, _, _, after in log for e, side in enumerate(after) if side == 0} == {0, 1, 2}
 
 
 def test_the_determinant_is_that_of_damping_and_jumps() -> None:

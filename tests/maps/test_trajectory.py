@@ -11,7 +11,7 @@ from two_tiers import at_once
 
 import systems
 from cellmap import ForcedSystem, Status, angle, set_threads, stroboscopic_map, trajectory
-from cellmap.maps import ToleranceWarning, integrate, swept_system
+from cellmap.maps import ToleranceWarning, integrate
 
 OSCILLATOR = ForcedSystem(
     lambda t, x, p: (x[1], -x[0]),
@@ -138,12 +138,3 @@ def test_integration_over_any_time_agrees_with_scipy(scipy_images: Callable[...,
     expected = scipy_images(system, initial_conditions, phase=0.3, periods=1.7)
     assert found.unwrapped == pytest.approx(expected, rel=1e-9, abs=1e-9)
     assert np.abs(found.points[:, 0]).max() <= pi
-
-
-def test_a_swept_system_moves_like_the_system_with_these_parameters() -> None:
-    system = systems.driven_pendulum()
-    swept = swept_system(system, "amplitude", "damping")
-    found = trajectory(swept, [[2.8, 0.0, 0.002, 3.0], [2.8, 0.0, 0.004, 8.0]], 2).states[-1]
-    for row, (amplitude, damping) in zip(found, [(0.002, 3.0), (0.004, 8.0)], strict=True):
-        alone = trajectory(system.with_params(amplitude=amplitude, damping=damping), [2.8, 0.0], 2)
-        assert row == pytest.approx([*alone.states[-1], amplitude, damping], rel=1e-9, abs=1e-8)

@@ -66,16 +66,6 @@ def test_right_periods_of_any_size_are_not_refused() -> None:
             forced(force, 2 * period)
 
 
-def test_a_right_hand_side_that_prints_does_so_a_few_times(capsys) -> None:
-    def told(t):
-        if t % 1.0 < 0.5:
-            print("on")
-        return square(t)
-
-    forced(told, 1.0)
-    assert capsys.readouterr().out.count("on") < 200
-
-
 @pytest.mark.parametrize("frequency", [1.3, 1.0 + 1e-4])
 def test_impacts_with_another_period_are_refused(frequency) -> None:
     def wall(t, x, p):

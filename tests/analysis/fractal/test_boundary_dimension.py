@@ -52,7 +52,7 @@ def test_counts_equal_those_box_by_box(shape, circle):
 
 def test_known_boundaries():
     x = (np.arange(1024) + 0.5) / 1024 - 0.5
-    for tilt in (0.0, 0.3, 0.7):
+    for tilt in (0.0, 0.3):
         found = boundary_dimension((x[:, None] < tilt * x + 0.1).astype(int))
         assert found.dimension == pytest.approx(1.0, abs=0.01)
         assert not found.fractal
@@ -60,7 +60,7 @@ def test_known_boundaries():
     assert mixed.dimension == pytest.approx(2.0, abs=1e-3)
     assert mixed.fractal
     assert boundary_dimension(cantor_labels(13, 1), n_offsets=16).dimension == pytest.approx(CANTOR, abs=0.01)
-    y = (np.arange(100) + 0.5) / 100 - 0.5
+    y = (np.arange(80) + 0.5) / 80 - 0.5
     ball = (y[:, None, None] ** 2 + y[:, None] ** 2 + y**2 < 0.15).astype(int)
     sphere = boundary_dimension(ball)
     assert sphere.dimension == pytest.approx(2.0, abs=0.01)
@@ -107,7 +107,7 @@ def gaps_of_cantor(t, ratio):
     return labels
 
 
-@pytest.mark.parametrize("ratio", [*(pytest.param(r, marks=THOROUGH) for r in (0.45, 0.4, 0.15)), 1 / 3, 0.25])
+@pytest.mark.parametrize("ratio", [*(pytest.param(r, marks=THOROUGH) for r in (0.45, 0.4, 0.25, 0.15)), 1 / 3])
 @pytest.mark.parametrize(("width", "curved"), [(0.5, 0.0), (0.1, 0.0), (0.4, 0.7)])
 def test_layers_of_stripes(ratio, width, curved):
     """1 + ln 2/ln(1/ratio), of layers that cross the axes obliquely, thin ones and curved ones."""
@@ -247,7 +247,7 @@ def test_boundary_on_the_branch_cut_of_a_circle_is_seen():
     assert closed.counts[-1] == 2 * opened.counts[-1] == 510
     halves = find_basins(
         discrete_map(lambda x, p: (x[0] / 2, 1.5 * x[1] - 0.5 * x[1] ** 3), {}, ("x", "y")),
-        CellGrid((-1, -1), (1, 1), (128, 128)),
+        CellGrid((-1, -1), (1, 1), (64, 64)),
     )
     assert boundary_dimension(halves).dimension == pytest.approx(1.0, abs=0.01)
 
