@@ -210,11 +210,3 @@ def test_right_hand_sides_of_methods(method, stages):
     assert cost.evaluations % stages == 0
     assert cost.evaluations > 4 * stages * cost.steps
     assert cost.look_ups == cost.tabulation == 0
-
-
-def test_multi_period_steps_take_fewer_look_ups():
-    exact = discrete_map(lambda x, p: (0.995 * x[0] - 0.001 * x[0] ** 3, 0.99 * x[1]), {}, ("x", "y"))
-    costs = [
-        find_basins(interpolated_map(exact, TABLE, max_step=max_step), INITIAL_CONDITIONS).cost for max_step in (1, 8)
-    ]
-    assert costs[1].look_ups < costs[0].look_ups

@@ -48,7 +48,7 @@ SWEEP = np.linspace(-1.0, 1.0, 21)
 @pytest.fixture(scope="module")
 def pendulum():
     """Downwards from 3 mm, past the births of the inverted state and of the rotations."""
-    values = np.array([3e-3, 2.5e-3, 2.2e-3, 2e-3, 1.8e-3, 1.74e-3, BIRTH * (1 + 1e-5), BIRTH * (1 - 1e-5), 1.6e-3])
+    values = np.array([3e-3, 2.4e-3, 2.2e-3, 1.8e-3, BIRTH * (1 + 1e-5), BIRTH * (1 - 1e-5)])
     return continue_basins(PENDULUM, "amplitude", values, CellGrid(*WINDOW, (60, 60)))
 
 

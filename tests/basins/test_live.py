@@ -120,15 +120,6 @@ def test_a_chaotic_attractor_keeps_its_identity_and_one_that_doubles_its_period(
     assert len(seen[0]) == 1
 
 
-def test_an_attractor_outside_of_the_window_is_not_forgotten() -> None:
-    live = LiveBasins(TILTED, LINE)
-    first = image(live)
-    aside = image(live, {"t": 0.1}, initial_conditions=CellGrid((1.0,), (1.5,), (20,)))
-    assert len(aside.identities) == 1
-    assert aside.attractors.keys() == first.attractors.keys()
-    assert aside.gone == ()
-
-
 def test_many_threads_at_once_leave_the_image_of_the_last_request() -> None:
     live, done = LiveBasins(duffing(), WINDOW), []
 

@@ -269,10 +269,10 @@ def halves(x, p):
 
 def test_an_exact_map_is_used_as_it_is():
     strobe = stroboscopic_map(dimensionless_pendulum(0.1, -0.545, 0.08), rtol=1e-7, atol=1e-7)
-    grid = CellGrid((-pi, -1), (pi, 1), (20, 20))
-    planned = plan(strobe, grid, accuracy=1e-4, periods=3)
+    grid, given = CellGrid((-pi, -1), (pi, 1), (20, 20)), CellGrid((-pi, -2), (pi, 3), (2, 3))
+    planned = plan(strobe, grid, accuracy=1e-4, periods=3, region=given)
     assert set(planned.job.sources.values()) == {strobe}
-    assert planned.measurements.periods == 3.0
+    assert planned.measurements.periods == 3.0 and planned.measurements.window.upper == (pi, 3.0)
     point_map = planned.map()
     assert point_map is strobe or point_map.exact is strobe
     assert planned.outcome(point_map, seconds=1.0).predicted_seconds == planned.seconds
@@ -284,8 +284,6 @@ def test_the_window_holds_the_orbits():
     window = planned.measurements.window
     assert window.lower[1] < -1.4 and window.upper[1] > 1.4
     assert planned.measurements.outside < 0.01
-    given = CellGrid((-2, -3), (2, 3), (2, 3))
-    assert plan(swings, planned.job.grid, 1e-6, periods=4, region=given).measurements.window.upper == (2.0, 3.0)
 
 
 def test_an_accuracy_out_of_reach_is_warned_of():

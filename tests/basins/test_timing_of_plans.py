@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from types import SimpleNamespace
 
 import numpy as np
@@ -130,15 +129,6 @@ def test_the_window_is_that_of_the_orbits():
     assert beyond == pytest.approx(1.0 - held.mean(), abs=1e-12)
 
 
-def test_the_window_grows_by_the_width_of_the_grid_at_most():
-    away = discrete_map(lambda x, p: (x[0] + 1.0, 0.5 * x[1]), {}, ("x", "y"))
-    window, beyond = probes.window_of_orbits(job(CellGrid((-1.0, 0.5), (1.0, 1.5), (10, 10)), point_map=away))
-    assert window.lower[0] == -1.0 and window.upper[0] == 3.0
-    # y tends to 0: the window holds it with a margin of 5 % of 1.5.
-    assert window.lower[1] == pytest.approx(-0.075, abs=1e-6) and window.upper[1] == 1.5
-    assert beyond > 0.8
-
-
 def test_what_a_table_costs_besides_the_exact_map(monkeypatch):
     """Labels take 1e-6 s each, of which 0.25 images of 1e-6 s are the exact map's; a sixteenth of that near the end."""
     sample = probes._Sample
@@ -163,21 +153,6 @@ def test_what_a_table_costs_besides_the_exact_map(monkeypatch):
     assert probes.table_probe(job(), SQUARE, 3) is None
 
 
-def test_images_are_counted():
-    exact, count = probes._counting(HALVES)
-    exact.iterate(np.zeros((7, 2)), 3)
-    assert count() == 21
-
-
-def test_look_ups_are_timed_up_to_a_table_that_no_cache_holds(monkeypatch):
-    """Coefficients take 8 d bytes a node; those timed have 64, 128, ... cells a side, up to 32 MiB."""
-    monkeypatch.setattr(probes, "median_seconds", lambda look: 0.5)
-    found = probes._lookup_times(HALVES, SQUARE, 3, 64)
-    assert [seconds for _, seconds in found] == [0.5 / 16384] * 5
-    sizes = [size for size, _ in found]
-    assert sizes == sorted(sizes) and all(3.0 < b / a < 4.1 for a, b in itertools.pairwise(sizes))
-
-
 def test_places_are_random_and_initial_conditions_in_order():
     places = places_in(SQUARE, 3)
     assert places.shape == (4096, 2) and np.abs(places).max() <= 1.0
@@ -186,19 +161,3 @@ def test_places_are_random_and_initial_conditions_in_order():
     assert few.ravel() == pytest.approx(np.arange(0.05, 1.0, 0.1))
     some = some_initial_conditions(CellGrid((0.0,), (1.0,), (100,)), 20).ravel()
     assert len(some) == 20 and (np.diff(some) > 0.0).all()
-
-
-def test_the_largest_trial_is_the_last_however_quick_it_is(monkeypatch):
-    """A nanosecond for each initial condition; a thinned grid has a few less than were asked for."""
-    set_threads(2)
-    asked = []
-
-    def label(job, point_map, number, count):
-        asked.append(number)
-        assert len(asked) < 10
-        return Trial(number - 7, 1e-9 * number, 3.0, 0)
-
-    monkeypatch.setattr(probes, "label", label)
-    found = probes.time_labelling(job(), HALVES, int)[0]
-    assert asked == [1600, 1600, 6372, 25488, 101952, 131072]
-    assert found.per_point == pytest.approx(2e-9, rel=0.02)

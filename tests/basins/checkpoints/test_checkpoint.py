@@ -57,7 +57,7 @@ def test_a_finished_image_can_be_saved_elsewhere_and_in_its_own_place(plain, tmp
 # --- runs that end before their time
 
 
-QUICK = {("small basins", 1, True), ("one pass", 5, False), ("chaotic", 1, True), ("given starts", 5, False)}
+QUICK = {("small basins", 1, True), ("one pass", 5, False), ("given starts", 5, False)}
 
 
 @pytest.mark.parametrize(
@@ -173,10 +173,6 @@ def test_room_is_stated_and_claimed_before_the_run(tmp_path, monkeypatch, caplog
     assert [p.name for p in tmp_path.iterdir()] == ["basins.h5"]
 
 
-def test_a_file_is_no_larger_than_stated(finished):
-    assert 6 * WINDOW.size <= finished.stat().st_size <= basins_disk(WINDOW.size) / 2
-
-
 MEASURE = """
 import resource
 from cellmap import CellGrid, discrete_map, find_basins
@@ -216,11 +212,10 @@ def test_of_very_many_that_are_left_a_part_is_searched(plain, tmp_path, monkeypa
     found = CASES["small basins"]()
     assert_same(CASES["small basins"](checkpoint=tmp_path / "b.h5"), found)
     assert {str(a) for a in found.attractors} <= {str(a) for a in plain["small basins"].attractors}
-    assert_same(CASES["undecided"](), plain["undecided"])
 
 
 @pytest.mark.parametrize("block", [8, 64, 2**20])
-@pytest.mark.parametrize("total", [1, 7, 8, 63, 64, 65, 1000])
+@pytest.mark.parametrize("total", [1, 8, 65, 1000])
 @pytest.mark.parametrize("fraction", [0.0, 0.02, 0.5, 1.0])
 def test_rows_are_those_that_were_chosen(block, total, fraction, monkeypatch):
     monkeypatch.setattr("cellmap.basins.initial_conditions.BLOCK", block)
