@@ -150,22 +150,6 @@ def test_a_loop_is_compiled_again_after_a_change_of_what_it_is_compiled_from(tmp
     assert len(list((tmp_path / "kept").glob("*.object"))) == 3
 
 
-PROGRAM = """
-import sys
-import threading
-import numpy as np
-from cellmap._compiled.kernels.blocks import wrap_rows
-points, turns = np.array([[7.0, -1.0]]), np.zeros((1, 2), np.int64)
-wrap_rows(points, turns, np.zeros(2), np.array([5.0, 0.0]))
-print(points.tolist(), turns.tolist(), "numba" in sys.modules)
-"""
-
-
-def test_no_process_needs_numba(tmp_path: Path) -> None:
-    for _ in range(2):
-        assert printed(PROGRAM, tmp_path) == "[[2.0, -1.0]] [[1, 0]] False\n"
-
-
 def test_threads_that_come_first_together_share_one_machine_code(fresh):
     """Code that a thread is running stays where it is, whoever else has compiled the same."""
 

@@ -8,7 +8,7 @@ from tests._compiled import random_loops
 from tests._compiled.processes import printed
 from tests._compiled.random_loops import Writer, differences
 
-FEW, MANY = range(6, 30, 6), 3000  # those before loop for seconds in Python
+FEW, MANY = range(6, 18, 6), 3000  # those before loop for seconds in Python
 
 
 @pytest.mark.parametrize("first", FEW)
@@ -38,11 +38,11 @@ def tried(first: int, last: int, path: Path) -> list[str]:
 
 
 def test_constructs_that_are_not_in_the_language_are_refused_or_right(tmp_path: Path) -> None:
-    lines = tried(10, 40, tmp_path)
+    lines = tried(10, 25, tmp_path)
     assert [line for line in lines if line.startswith("wrong")] == []
     counts = dict(part.split(": ") for part in lines[-1].removeprefix("counts ").strip("{}").split(", "))
-    assert int(counts["'refused'"]) >= 8
-    assert int(counts["'equal'"]) >= 5
+    assert int(counts["'refused'"]) >= 4
+    assert int(counts["'equal'"]) >= 2
 
 
 @pytest.mark.slow

@@ -82,7 +82,7 @@ def test_orbits_that_end_have_no_exponents():
 
 @pytest.fixture(scope="module")
 def pendulum():
-    return find_basins(stroboscopic_map(DAMPED), CellGrid((-pi, -3.0), (pi, 3.0), (20, 20)), max_periods=500)
+    return find_basins(stroboscopic_map(DAMPED), CellGrid((-pi, -3.0), (pi, 3.0), (8, 8)), max_periods=500)
 
 
 def test_chaotic_pendulum(pendulum):
@@ -257,12 +257,12 @@ def test_orbits_on_a_line_of_symmetry_are_on_cycles_that_repel() -> None:
         return -a * x + a * (abs(x + 1.0 / a) - abs(x - 1.0 / a))
 
     pair = discrete_map(lambda x, p: (h(x[0]) + d * (x[1] - x[0]), h(x[1]) + d * (x[0] - x[1])), {}, ("x", "y"))
-    grid = CellGrid((-2.0, -2.0), (2.0, 2.0), (12, 12))
+    grid = CellGrid((-2.0, -2.0), (2.0, 2.0), (6, 6))
     basins = find_basins(pair, grid, max_periods=20_000)
     assert set(basins.undecided) == {Reason.PERIODIC}
-    assert np.array_equal(basins.labels == Label.UNDECIDED, np.eye(12, dtype=bool)[::-1])
+    assert np.array_equal(basins.labels == Label.UNDECIDED, np.eye(6, dtype=bool)[::-1])
     assert "lines of symmetry" in REMEDIES[Reason.PERIODIC]
-    beside = find_basins(pair, CellGrid((-2.0, -1.9), (2.0, 2.1), (12, 12)), max_periods=20_000)
+    beside = find_basins(pair, CellGrid((-2.0, -1.9), (2.0, 2.1), (6, 6)), max_periods=20_000)
     assert (beside.labels >= 0).all()
 
 

@@ -50,7 +50,7 @@ def test_a_flow_that_oscillates_ever_faster_escapes_before_it_is_out_of_steps():
         return 0.12 * (u[1] - u[0]), -u[0] * u[2] - u[1], u[0] * u[1] + 0.6 * u[2]
 
     strobe = stroboscopic_map(ForcedSystem(lorenz, {}, 1.0, ("x", "y", "z")))
-    basins = find_basins(strobe, CellGrid((-1, -1, 4), (1, 1, 8), (3, 3, 3)), max_periods=600)
+    basins = find_basins(strobe, CellGrid((-1, -1, 4), (1, 1, 8), (2, 2, 2)), max_periods=600)
     assert (basins.labels == Label.DIVERGED).all()
 
 

@@ -10,7 +10,7 @@ from cellmap.attractors.regions.extents import region_extent
 from systems import magnetic_pendulum
 
 
-@pytest.mark.parametrize("speed", [1e-8, 1e-12])
+@pytest.mark.parametrize("speed", [pytest.param(1e-8, marks=pytest.mark.thorough), 1e-12])
 def test_pendulums_with_tiny_velocities_come_to_the_same_magnets(speed):
     """As those at rest do.  Both multipliers of each pair have the product exp(-damping period)."""
     strobe = stroboscopic_map(magnetic_pendulum(damping=0.2, period=2.0))

@@ -78,7 +78,7 @@ ORBIT = FOLD.orbit([0.3, 0.0], 400).points[100:]
 @pytest.fixture(scope="module")
 def ueda():
     point_map = stroboscopic_map(ueda_oscillator())
-    return point_map, find_basins(point_map, CellGrid((-4.0, -6.0), (4.0, 6.0), (96, 96)))
+    return point_map, find_basins(point_map, CellGrid((-4.0, -6.0), (4.0, 6.0), (40, 40)))
 
 
 def test_boxes_around_a_folded_line_are_trapped_while_it_maps_into_itself():

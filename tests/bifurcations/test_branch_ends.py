@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from branch_kinds import DEGENERATE, FOLD, PITCHFORK, kinds, values
 from cases import branch_of, thorough
-from scipy.integrate import solve_ivp
-from scipy.special import ellipk
 
 from cellmap import ForcedSystem, angle, discrete_map, periodic_orbit, section_map
 from cellmap.bifurcations import OrbitFunction, switch_branch
@@ -45,12 +43,12 @@ def test_a_running_state_ends_at_a_homoclinic_orbit():
     """Josephson junction, beta = 4: by SciPy (DOP853, 1e-11) the retrapping current is 0.597383 to 0.597385."""
     junction = ForcedSystem(lambda t, x, p: (x[1], (p.i - sin(x[0]) - x[1]) / 4.0), {"i": 0.65}, 5.0, (angle("f"), "v"))
     section = section_map(junction, ("f", 0.0, 1))
-    branch = branch_of(section, section.iterate([1.0], 30).points, "i", 0.3, 0.7)
+    branch = branch_of(section, section.iterate([1.0], 30).points, "i", 0.3, 0.66, step=0.1)
     assert branch.ends[0] == f"the period grows without bound at i={branch.values[0]:.10g}: homoclinic orbit"
     assert 0.5973831 < branch.values[0] < 0.5973846
 
 
-@pytest.mark.parametrize("parameters", [{"r": 20.0}, {}])
+@pytest.mark.parametrize("parameters", [thorough({"r": 20.0}), {}])
 def test_an_equilibrium_on_a_section_is_no_periodic_orbit(parameters: dict[str, float]) -> None:
     """Those of Lorenz's system have x = y = sqrt(8 (r - 1) / 3), z = r - 1; cycles cross where one rate is 0."""
 
@@ -62,19 +60,6 @@ def test_an_equilibrium_on_a_section_is_no_periodic_orbit(parameters: dict[str, 
         periodic_orbit(section, [sqrt(152.0 / 3.0) + 1e-3, sqrt(152.0 / 3.0)])
     circle = ForcedSystem(lambda t, x, p: (-x[1] + x[0] * (1.0 - x[0] ** 2 - x[1] ** 2), x[0]), {}, 1.0, ("x", "y"))
     assert periodic_orbit(section_map(circle, ("y", 0.0, 1)), [0.9]).points[0, 0] > 0.5
-
-
-@pytest.mark.thorough
-def test_the_cycles_of_lorenz_end_at_a_homoclinic_orbit():
-    """At r = 13.926 (Sparrow 1982).  Their periods there are rounding errors times the stretching of long orbits."""
-
-    def rhs(t, x, p):
-        return 10.0 * (x[1] - x[0]), x[0] * (p.r - x[2]) - x[1], x[0] * x[1] - 8.0 * x[2] / 3.0
-
-    section = section_map(ForcedSystem(rhs, {"r": 15.0}, 1.0, ("x", "y", "z")), ("z", 18.0, 1), rtol=1e-11, atol=1e-11)
-    branch = branch_of(section, [11.7, 12.6], "r", 13.0, 15.1, step=0.1)
-    assert branch.ends[0] == f"the period grows without bound at r={branch.values[0]:.10g}: homoclinic orbit"
-    assert abs(branch.values[0] - 13.926) < 1e-3
 
 
 def on_a_circle(max_time):
@@ -100,46 +85,6 @@ def test_a_period_that_reaches_the_longest_time_is_told():
     branch = on_a_circle(20.0)
     assert branch.ends[0] == "the return time reaches max_time=20"
     assert abs(branch.values[0] - sqrt(1.0 + (2.0 * pi / 20.0) ** 2)) < 1e-4
-
-
-@pytest.mark.thorough
-def test_the_backbone_of_the_undamped_duffing_oscillator():
-    """The period of x'' = -x - x^3 with amplitude a is 4 K(m) / sqrt(1 + a^2), m = a^2 / (2 (1 + a^2))."""
-    free = ForcedSystem(lambda t, x, p: (x[1], -x[0] - x[0] ** 3 + p.d * x[1]), {"d": 0.0}, 2.0, ("x", "v"))
-    section = section_map(free, ("v", 0.0, -1), rtol=1e-11, atol=1e-11)
-    until = {"top": lambda t, x, p: 0.5 * x[0] ** 2 + 0.25 * x[0] ** 4 + 0.5 * x[1] ** 2 - 2550.0}
-    family = branch_of(section, [1.0], "d", -0.1, 0.1, step=0.1, until=until)
-    assert family.is_family and family.bifurcations == ()
-    assert family.ends[1].startswith("the orbit shrinks to an equilibrium at d=") and family.ends[0] == "top"
-    a = family.points[:, 0]
-    periods = 4.0 * ellipk(a**2 / (2.0 * (1.0 + a**2))) / np.sqrt(1.0 + a**2)
-    assert a.min() < 0.01 and abs(a[0] - 10.0) < 1e-13
-    np.testing.assert_allclose(section.returns(family.points).times, periods, rtol=1e-9)
-
-
-NORMAL_MODES = (
-    lambda t, x, p: (x[2], x[3], -2 * x[0] + x[1] - 0.5 * x[0] ** 3 + p.d * x[2], -2 * x[1] + x[0] + p.d * x[3]),
-    {"d": 0.0},
-    2.0,
-    ("x1", "x2", "v1", "v2"),
-)
-
-
-@pytest.mark.thorough
-def test_a_nonlinear_normal_mode_is_a_family_with_a_branch_point():
-    """The in-phase mode of two oscillators (Kerschen et al. 2009), against SciPy; at rest its frequency is 1."""
-    pair = ForcedSystem(*NORMAL_MODES)
-    section = section_map(pair, ("v1", 0.0, -1), rtol=1e-11, atol=1e-11)
-    for guess in ([0.3, 0.3, 0.0], [0.3, -0.3, 0.0], [1.0, 1.5, 0.0], [0.01, 0.01, 0.0]):
-        (point,) = periodic_orbit(section, guess).points
-        assert np.abs(section(point) - point).max() < 1e-12 and np.abs(point - guess).max() < 0.15 * max(guess)
-    family = branch_of(section, [2.6, 6.429553940490983, 0.0], "d", -0.1, 0.1, step=0.03, max_points=3)
-    assert family.is_family and len(family.bifurcations) == 1 and {0, 1} == set(family.unstable.tolist())
-    ends = family.points[[0, -1]]
-    for point, time in zip(ends, section.returns(ends).times, strict=True):
-        start = [*point[:2], 0.0, point[2]]
-        end = solve_ivp(pair.fun, (0.0, time), start, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
-        np.testing.assert_allclose(end, start, atol=1e-8)
 
 
 @pytest.mark.thorough

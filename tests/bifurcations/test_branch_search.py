@@ -7,8 +7,7 @@ import pytest
 
 from cellmap import CellGrid, discrete_map, stroboscopic_map
 from cellmap.bifurcations import BifurcationKind, find_branches
-from cellmap.maps.tangent import tangent
-from systems import driven_pendulum, duffing_oscillator, logistic_map
+from systems import driven_pendulum, logistic_map
 
 WINDOW = CellGrid((-2.05,), (5.0,), (150,))
 
@@ -86,28 +85,3 @@ def test_branches_of_the_driven_pendulum():
     np.testing.assert_allclose(folds, [1.731758671939] * 2, atol=1e-9)
     assert sum(len(b.of_kind(BifurcationKind.PITCHFORK)) for b in found.branches) == 1
     assert found.connected.sum() == 2
-
-
-@pytest.mark.thorough
-def test_subharmonic_isolas_of_the_duffing_oscillator():
-    """Two of period 2, mirror images shifted by half a period, and a branch of period 3, none connected to others."""
-    exact = stroboscopic_map(duffing_oscillator(damping=0.05, forcing=3.0))
-    window = CellGrid((-5.0, -10.0), (5.0, 10.0), (30, 30))
-    found = find_branches(exact, "frequency", 2.5, 4.0, window, longest_period=3, n_values=2, step=0.05)
-    one, other = found.isolas
-    assert one.period == other.period == 2
-    for k in (0, 1):
-        folds = sorted(b.value for b in one.bifurcations), sorted(b.value for b in other.bifurcations)
-        assert folds[0][k] == pytest.approx(folds[1][k], rel=1e-9)
-    assert {b.period for b in found.branches} == {1, 2, 3}
-    # Newton's method from random states finds no other orbits.
-    here = exact.with_params(frequency=float(found.values[0]))
-    points = np.random.default_rng(1).uniform((-5.0, -10.0), (5.0, 10.0), (150, 2))
-    for _ in range(20):
-        images, slopes = tangent(here, points, 2)
-        points += np.clip(np.linalg.solve(np.eye(2) - slopes, (images - points)[..., None])[..., 0], -1.0, 1.0)
-    closed = points[np.abs(tangent(here, points, 2)[0] - points).max(axis=1) < 1e-9]
-    known = np.concatenate([o.points for b in found.branches if b.period < 3 for o in b.orbits_at(found.values[0])])
-    assert len(closed) > 40
-    inside = (np.abs(closed) < (5.0, 10.0)).all(axis=1)
-    assert np.abs(closed[inside][:, None] - known).max(axis=-1).min(axis=1).max() < 1e-7

@@ -4,10 +4,10 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
-from cases import branch_at_rest, branch_of, delayed_logistic, quotient, thorough
+from cases import branch_at_rest, branch_of, quotient, thorough
 
 from cellmap import discrete_map
-from cellmap.bifurcations import continue_circle, switch_circle
+from cellmap.bifurcations import switch_circle
 
 
 def subcritical(x, p):
@@ -62,16 +62,6 @@ def test_a_circle_is_where_it_should_be():
     x, y = circle.points(np.arange(40) / 40.0, circles.coordinates)[0].T
     u, v = quotient(x, y, 1 + 0.3 * x, 0.3 * y)
     np.testing.assert_allclose(u * u + v * v, 0.5 - np.sqrt(0.25 + mu), atol=1e-9)
-
-
-@pytest.mark.thorough
-def test_the_attracting_circle_of_the_delayed_logistic_map():
-    branch = branch_of(delayed_logistic(1.9, 1.0), [0.5, 0.5], "r", 1.5, 2.1)
-    circles = switch_circle(branch, branch.bifurcations[0], 1.5, 2.1)
-    orbits = continue_circle(branch.point_map, "r", circles.values[[-10, -1]], [0.5, 0.4])
-    np.testing.assert_allclose(circles.rotation[[-10, -1]], orbits.rotation, atol=1e-10)
-    np.testing.assert_allclose(circles.exponents[[-10, -1]], orbits.exponents, atol=1e-8)
-    assert (circles.exponents < 0.0).all()
 
 
 @pytest.mark.thorough

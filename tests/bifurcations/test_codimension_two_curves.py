@@ -1,13 +1,11 @@
 """Points of codimension two followed in a third parameter, against their conditions in closed form."""
 
-from math import pi, sin
-
 import numpy as np
 import pytest
 from branch_kinds import BOTH_LEFT, DOUBLING, FOLD, NEIMARK_SACKER, PITCHFORK, POINT
 from cases import branch_of
 
-from cellmap import angle, discrete_map
+from cellmap import discrete_map
 from cellmap.bifurcations import continue_bifurcation, continue_codimension_two
 
 UNIT = (-1.0, 1.0)
@@ -149,26 +147,3 @@ def test_what_is_no_point_of_the_curve_or_no_third_parameter_is_refused(henon_cu
     ):
         with pytest.raises(ValueError, match=message):
             continue_codimension_two(henon_curves[kind], point, name, *WIDE, third)
-
-
-@pytest.mark.thorough
-def test_cusps_on_a_circle_go_around_it():
-    # w + a sin(x) + b sin(u) with u = 2 x + p vanishes with two derivatives: a cos(x) = -2 b cos(u) and a sin(x) = -4 b
-    # sin(u), so that a is from 2 b to 4 b, and x goes around once while u does, and p does backwards.
-    b = 0.3
-    circle = discrete_map(
-        lambda x, p: (x[0] + p.w + p.a * sin(x[0]) + b * sin(2.0 * x[0] + p.p),),
-        {"w": -0.3, "a": 0.2, "p": 0.3},
-        (angle("x"),),
-    )
-    branch = branch_of(circle, [0.3], "w", -2.0, 2.0)
-    fold = branch.of_kind(FOLD)[1]
-    folds = continue_bifurcation(branch, fold, "a", (-2.0, 2.0), (0.1, 2.0), step=0.05)
-    (cusp,) = folds.codimension_two()
-    cusps = continue_codimension_two(folds, cusp, "p", (-2.0, 2.0), (0.1, 2.0), (-2.0, 2.0 * pi), step=0.2)
-    (w, a, p), x = cusps.values.T, cusps.points[:, 0]
-    u = 2.0 * x + p
-    assert np.abs(w + a * np.sin(x) + b * np.sin(u)).max() < 1e-10
-    assert np.abs(a * np.cos(x) + 2.0 * b * np.cos(u)).max() < 1e-9
-    assert np.abs(a * np.sin(x) + 4.0 * b * np.sin(u)).max() < 1e-8
-    assert np.ptp(p) > 2.0 * pi and np.abs(np.diff(x)).max() > pi and cusps.ends == BOTH_LEFT

@@ -2,14 +2,14 @@
 
 from cmath import exp
 from dataclasses import replace
-from math import cos, gamma, pi, sin
+from math import gamma, pi
 from typing import Any
 
 import numpy as np
 import pytest
 from branch_kinds import NEIMARK_SACKER, POINT
 
-from cellmap import ForcedSystem, discrete_map, stroboscopic_map
+from cellmap import discrete_map
 from cellmap.bifurcations import CodimensionTwoKind, NewCurve, codimension_two_form
 from cellmap.bifurcations.orbit_births import born_curves
 
@@ -124,24 +124,6 @@ def test_the_fifth_order_of_a_flip():
     series = np.polynomial.Polynomial([0.0, -1.0, a2, -(a2**2), a4, a5])
     twice = series(series).coef
     assert_meets(codimension_two_form(exact, [0.0], POINT.GENERALISED_FLIP), {"e": -0.5 * float(twice[5])})
-
-
-@pytest.mark.thorough
-def test_a_chenciner_bifurcation_of_a_forced_flow():
-    """In closed form abs(z) -> abs(z) (1 - T abs(z)^4) for z' = i z (1 + abs(z)^2) - z abs(z)^4, so that l2 = -4 T."""
-    period, size = 2.3, 0.7
-
-    def rhs(t, x, p):
-        w = 2.0 * pi / period
-        s, ds = size * cos(w * t), -size * w * sin(w * t)
-        u, v = x[0] - s * x[1] ** 2, x[1]
-        r = u * u + v * v
-        growth, turn = p.growth - r * r, 1.0 + r
-        du, dv = growth * u - turn * v, growth * v + turn * u
-        return du + ds * v * v + 2.0 * s * v * dv, dv
-
-    exact = stroboscopic_map(ForcedSystem(rhs, {"growth": 0.0}, period, ("x", "y")), rtol=1e-12, atol=1e-12)
-    assert_meets(codimension_two_form(exact, [0.0, 0.0], POINT.CHENCINER), {"l2": -4.0 * period})
 
 
 # What is not known, and what is not there.

@@ -4,7 +4,7 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
-from branch_kinds import DOUBLING, FOLD, NEIMARK_SACKER, POINT
+from branch_kinds import DOUBLING, NEIMARK_SACKER, POINT
 from cases import branch_at_rest, branch_of, thorough
 
 from cellmap import discrete_map
@@ -50,24 +50,6 @@ def test_a_generalised_flip_beside_a_multiplier_of_1e8():
     assert_form(point, {"e": -2.0 * float(size) ** 4}, 1e-6)
     with pytest.raises(ValueError, match=r"new_curve=.*segments"):
         switch_curve(curve, point, *BOX)
-
-
-@pytest.mark.thorough
-def test_a_fold_flip_beside_a_multiplier_of_1e8():
-    """A further z -> z + q - z^2 has the fixed points z^2 = q, and the flip is at p = -0.4 z: both meet at z = 0."""
-
-    def image(x, p):
-        y, z, s = x[1], x[2], x[3]
-        turned = s * ((1.0 + p.p) * y + 0.5 * y**3 + 0.4 * y * z)
-        return 1e4 * x[0] + y, turned, z + p.q - z * z + 0.3 * y * y, -s * (6.0 - s**2) / 5.0
-
-    exact = discrete_map(image, {"p": 0.2, "q": 0.16}, ("x", "y", "z", "s"))
-    curve = curve_in_segments(exact, [0.0, 0.0, 0.4, 1.0], 2, DOUBLING)
-    (point,) = (p for p in curve.codimension_two() if p.kind is POINT.FOLD_FLIP)
-    np.testing.assert_allclose(point.values, 0.0, atol=1e-10)
-    folds = switch_curve(curve, point, *BOX, step=0.2)
-    assert folds.kind is FOLD
-    np.testing.assert_allclose(folds.values[:, 1], 0.0, atol=1e-11)
 
 
 # Two Neimark-Sacker maps z -> mu z (1 + g + a abs(z)^2 + b abs(w)^2), coupled by b, in coordinates that mix both.

@@ -108,11 +108,3 @@ def test_stated_errors_are_near_the_true_ones():
     assert len(found) >= 3
     assert found.min() > 1.0 / 3.0
     assert np.median(found) < 15.0
-
-
-@pytest.mark.slow
-def test_stated_errors_are_near_the_true_ones_for_many_maps():
-    found = ratios(1, 200)
-    assert len(found) >= 150
-    assert np.mean(found < 1.0 / 3.0) < 0.02
-    assert np.median(found) < 15.0

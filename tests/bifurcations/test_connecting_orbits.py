@@ -44,16 +44,6 @@ def test_the_outer_tangency_and_its_curve(outer):
 
 
 @pytest.mark.thorough
-def test_the_inner_tangency():
-    exact = henon(1.4, 0.3)
-    inner = connecting_orbits(exact, periodic_orbit(exact, [0.9, 0.9]), max_steps=30)
-    values = [
-        t.value for orbit in inner[:8] for t in continue_connection(orbit, "a", 1.3, 1.45, max_points=150).tangencies
-    ]
-    assert any(1.392419807915 - 2e-12 <= value <= 1.392419807931 + 2e-12 for value in values)
-
-
-@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("force", "coordinate", "saddle", "critical"),
     [

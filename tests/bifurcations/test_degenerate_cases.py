@@ -4,7 +4,7 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
-from branch_kinds import BOTH_LEFT, DEGENERATE, DOUBLING, FOLD, LEFT, NEIMARK_SACKER, PITCHFORK, POINT, kinds, values
+from branch_kinds import BOTH_LEFT, DEGENERATE, DOUBLING, FOLD, NEIMARK_SACKER, PITCHFORK, POINT, kinds, values
 from cases import branch_at_rest, branch_of, curve_of, thorough
 
 from cellmap import ForcedSystem, discrete_map, periodic_orbit, section_map, stroboscopic_map
@@ -41,18 +41,6 @@ def test_a_pitchfork_is_followed_where_the_centre_of_its_symmetry_moves():
     np.testing.assert_allclose(curve.points, np.column_stack([np.sin(3.0 * e), 2.0 * e]), atol=1e-9)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("broken", [1e-11, 1e-10, 1e-7, 1e-4])
-def test_a_nearly_broken_symmetry_does_not_end_a_branch(broken):
-    """Fixed points of x + q x - x^3 + e are q = x^2 - e / x: at q = 1 the branch has left 0 for 1 + e / 2."""
-    cubic = discrete_map(lambda x, p: (x[0] + p.q * x[0] - x[0] ** 3 + p.e,), {"q": -0.25, "e": broken}, ("x",))
-    branch = branch_at_rest(cubic, "q", -1.0, 0.9)
-    assert (branch.ends, branch.bifurcations) == (LEFT, ())
-    x = branch.points[:, 0]
-    np.testing.assert_allclose(x**2 - broken / x, branch.values, rtol=0.0, atol=1e-12)
-    assert (np.diff(x) > 0.0).all() and len(x) < 800
-
-
 # Ends of curves, and conditions along them.
 
 
@@ -64,24 +52,6 @@ def test_a_curve_ends_at_an_edge_at_which_its_orbits_are_not_isolated(lower):
     assert curve.values[:, 1].min() >= lower and curve.values[:, 1].max() == 3.0
     assert len(curve.values) < 200
     np.testing.assert_allclose(curve.values[:, 0], 0.0, atol=1e-12)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("highest", [7.0, 7.5])
-def test_a_resonance_at_the_end_of_a_curve_makes_no_other_point(highest):
-    # The Jacobian matrix at (1/d, r (1 - 1/d) - 1) has the determinant r (1 - 2/d) and the trace 2 - r/d: the curve is
-    # r = d/(d - 2), with the 1:4 resonance at d = 5/2, r = 5 and the 1:3 resonance at d = 7/3, r = 7.
-    prey = discrete_map(
-        lambda x, p: (p.r * x[0] * (1.0 - x[0]) - x[0] * x[1], p.d * x[0] * x[1]), {"r": 3.0, "d": 1.8}, ("x", "y")
-    )
-    start = [1.0 / 1.8, 3.0 * (1.0 - 1.0 / 1.8) - 1.0]
-    curve = curve_of(prey, start, NEIMARK_SACKER, "dr", ((1.5, 4.0), (1.5, highest)), step=0.05)
-    d, r = curve.values.T
-    np.testing.assert_allclose(r, d / (d - 2.0), rtol=1e-9)
-    assert {p.kind: tuple(p.values.round(9)) for p in curve.codimension_two()} == {
-        POINT.RESONANCE_1_4: (2.5, 5.0),
-        POINT.RESONANCE_1_3: (round(7.0 / 3.0, 9), 7.0),
-    }
 
 
 def test_conditions_that_hold_along_a_curve_are_named_once():

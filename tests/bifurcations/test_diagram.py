@@ -159,16 +159,6 @@ def test_orbit_that_falls_off_begins_at_its_initial_condition():
     assert diagram.points[0, :, -1, 0] == pytest.approx(values, abs=1e-12)
 
 
-def test_several_initial_conditions_are_branches():
-    maps = discrete_map(wells, {"a": 1.0}, ("x",))
-    diagram = bifurcation_diagram(maps, "a", [3.0, 2.0], [[0.5], [-0.5]])
-    assert diagram.directions == ("up", "up", "down", "down")
-    assert diagram.initial_conditions[:, 0].tolist() == [0.5, -0.5, 0.5, -0.5]
-    assert diagram.values.tolist() == [2.0, 3.0]
-    assert (np.sign(diagram.points[:, :, -1, 0]) == [[1, 1], [-1, -1]] * 2).all()
-    assert diagram.points[0] == pytest.approx(-diagram.points[1], abs=1e-5)
-
-
 @pytest.mark.parametrize("follow", ["both", "none"])
 def test_same_bits_for_any_number_of_threads(follow):
     def diagram(threads):

@@ -94,22 +94,6 @@ def test_right_hand_sides_without_quick_series():
             assert np.abs(result.multipliers[i, j] - decay).min() < 1e-10
 
 
-@pytest.mark.thorough
-def test_a_pair_crosses_where_damping_changes_sign():
-    """Of two oscillators that do not feel each other one is excited from damping 0 on, and the other from 1/2 on."""
-
-    def rhs(t, x, p):
-        a, b, u, v = x
-        return u, v, -1.3 * a + p.gain * u - a**2 * u, -(2.1 + 0.1 * cos(t)) * b - (0.5 - p.gain) * v
-
-    system = ForcedSystem(rhs, {"gain": 0.1}, 2 * pi, ("a", "b", "u", "v"))
-    first, second = critical_values(system, np.zeros(4), "gain", -0.3, 0.9, n_points=64, all_crossings=True)
-    assert [first.value, second.value] == pytest.approx([0.0, 0.5], abs=1e-11)
-    assert first.crossing == second.crossing == Crossing.NEIMARK_SACKER
-    assert [(c.below, c.above) for c in (first, second)] == [(0, 2), (2, 4)]
-    assert [c.value for c in critical_values(system, np.zeros(4), "gain", -0.3, 0.9, n_points=64)] == [first.value]
-
-
 def test_neimark_sacker_of_the_double_pendulum():
     found = critical_values(double_pendulum(), (0.0, pi, 0.0, 0.0), "amplitude", 0.006, 0.02)
     assert [c.value for c in found] == pytest.approx([12.532158062e-3], rel=1e-10)

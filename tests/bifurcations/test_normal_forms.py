@@ -1,6 +1,6 @@
 """Normal forms of bifurcations: closed forms of discrete maps, differences of independent integrations of flows."""
 
-from math import cos, gamma, hypot, pi, sin, sqrt
+from math import cos, gamma, hypot, pi, sqrt
 
 import numpy as np
 import pytest
@@ -141,26 +141,3 @@ def test_a_doubling_beside_grazing():
     assert found.coefficient == pytest.approx(175.334965682, abs=found.error)
     assert found.error < 0.01
     assert found.criticality is Criticality.SUPERCRITICAL
-
-
-@pytest.mark.thorough
-def test_a_forced_flow_with_a_closed_form():
-    """The equation z' = (lambda + i) z - (1 + i beta) z abs(z)^2 is solved in closed form: d = -2 T (1 + i beta).
-
-    It is seen in the coordinates u + s(t) v^2 and v, where s has the period T of the forcing.
-    """
-    period, beta, size = 2.3, 0.4, 0.7
-
-    def rhs(t, x, p):
-        w = 2.0 * pi / period
-        s, ds = size * cos(w * t), -size * w * sin(w * t)
-        u, v = x[0] - s * x[1] ** 2, x[1]
-        r = u * u + v * v
-        du, dv = (p.growth - r) * u - (1.0 - beta * r) * v, (p.growth - r) * v + (1.0 - beta * r) * u
-        return du + ds * v * v + 2.0 * s * v * dv, dv
-
-    system = ForcedSystem(rhs, {"growth": -0.1}, period, ("x", "y"))
-    exact = stroboscopic_map(system, rtol=1e-12, atol=1e-12)
-    (found,) = branch_of(exact, [0.0, 0.0], "growth", -0.2, 0.1).bifurcations
-    assert found.value == pytest.approx(0.0, abs=1e-12)
-    assert_meets(form(found), -2.0 * period * (1.0 + 1j * beta), "supercritical")

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import iv
 
 from cellmap import ForcedSystem, bifurcation_diagram, discrete_map, plot, section_map, stroboscopic_map
-from cellmap.bifurcations import OrbitFunction, PeriodMeasure, continue_bifurcation, switch_branch
+from cellmap.bifurcations import OrbitFunction, continue_bifurcation, switch_branch
 from cellmap.exchange import from_xarray, to_dataframe
 from systems import duffing_oscillator
 
@@ -20,32 +20,6 @@ from systems import duffing_oscillator
 def resonance():
     spring = stroboscopic_map(duffing_oscillator(damping=0.1, forcing=0.3, frequency=1.0), rtol=1e-11, atol=1e-11)
     return branch_of(spring, [0.7, 0.0], "frequency", 0.8, 2.2, step=0.02)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(("phase", "atol"), [(0.0, 1e-12), (0.3, (1e-12, 1e-11))])
-def test_a_linear_oscillator_has_its_amplitude_at_every_phase(phase, atol):
-    # x'' + b x' + 4 x = 1 + cos(w t): mean 1/4, amplitude 1/sqrt((4 - w^2)^2 + (b w)^2).
-    linear = ForcedSystem(
-        lambda t, x, p: (x[1], 1.0 + cos(p.w * t) - 4.0 * x[0] - p.b * x[1]),
-        {"b": 0.5, "w": 1.0},
-        period=lambda p: 2.0 * pi / p.w,
-        coordinates=("x", "v"),
-    )
-    exact = stroboscopic_map(linear, phase=phase, rtol=1e-12, atol=atol)
-    branch = branch_of(exact, [0.0, 0.0], "w", 0.5, 3.0, step=0.05)
-    w = branch.values
-    size = 1.0 / np.sqrt((4.0 - w**2) ** 2 + (0.5 * w) ** 2)
-    for measure, expected in (
-        ("maximum", 0.25 + size),
-        ("minimum", 0.25 - size),
-        ("amplitude", size),
-        ("mean", np.full_like(w, 0.25)),
-        ("norm", np.sqrt(0.25**2 + 0.5 * size**2)),
-    ):
-        np.testing.assert_allclose(branch.measure("x", measure), expected, rtol=1e-9, err_msg=measure)
-    np.testing.assert_allclose(branch.measure(1, "maximum"), size * w, rtol=1e-9)
-    assert {m.value for m in PeriodMeasure} == {"maximum", "minimum", "amplitude", "mean", "norm"}
 
 
 def test_the_power_that_is_dissipated_is_the_power_of_the_force(resonance):

@@ -4,11 +4,11 @@ from math import cos, pi
 
 import numpy as np
 import pytest
-from branch_kinds import DOUBLING, NEIMARK_SACKER
+from branch_kinds import NEIMARK_SACKER
 from cases import branch_of
 
-from cellmap import ForcedSystem, discrete_map, periodic_orbit
-from cellmap.bifurcations import critical_values, period_doubling_cascade
+from cellmap import ForcedSystem
+from cellmap.bifurcations import critical_values
 from cellmap.maps import flow_map
 
 # Doedel and Oldeman, AUTO-07P (manual, 2012): demo lrz, chapter on the Python interface, "print data".  The flow is
@@ -25,20 +25,6 @@ def test_the_lorenz_system_of_auto():
     (hopf,) = branch.of_kind(NEIMARK_SACKER)
     printed = [f"{number:.5E}" for number in (hopf.value, *hopf.point)]
     assert printed == ["2.47368E+01", "7.95602E+00", "7.95602E+00", "2.37368E+01"]
-
-
-# "Feigenbaum constants", Wikipedia (July 2026), table of the section on fractals: period doublings of x^2 + c.
-
-QUADRATIC = (-0.75, 7), (-1.25, 7), (-1.3680989, 7), (-1.3940462, 7), (-1.3996312, 7), (-1.4008287, 7)
-
-
-@pytest.mark.thorough
-def test_period_doublings_of_the_quadratic_map():
-    exact = discrete_map(lambda x, p: (x[0] ** 2 + p.c,), {"c": -0.5}, ("x",))
-    route = period_doubling_cascade(exact, periodic_orbit(exact, [-0.4]), "c", -1.41, doublings=6)
-    found = [b.value for b in route.bifurcations if b.kind is DOUBLING]
-    for value, (printed, digits) in zip(found, QUADRATIC, strict=False):
-        assert round(value, digits) == printed
 
 
 # Mathieu's equation y'' + (a - 2 q cos 2t) y = 0 changes its stability at a_r(q) and b_r(q).  Abramowitz and Stegun,

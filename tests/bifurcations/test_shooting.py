@@ -126,23 +126,3 @@ def test_a_curve_of_folds_with_multipliers_up_to_1e21():
     np.testing.assert_allclose(straight.multipliers[:, 1], 1.0, atol=1e-6)
     assert straight.multipliers[:, 0].real.max() > 1e21
     assert straight.codimension_two() == ()
-
-
-@pytest.mark.thorough
-def test_a_curve_of_pitchforks_beside_a_multiplier_of_1e8():
-    """y' = (q - b^2) y - y^3 + c beside x = cos t, which repels with exp(6 pi); with c there is no symmetry."""
-
-    def rhs(t, x, p):
-        return 3.0 * (x[0] - cos(t)) - sin(t) + x[1], (p.q - p.b**2) * x[1] - x[1] ** 3 + p.c
-
-    params = {"q": -0.1, "b": 0.0, "c": 0.0}
-    exact = stroboscopic_map(ForcedSystem(rhs, params, 2 * pi, ("x", "y")), rtol=1e-11, atol=1e-11)
-    branch = branch_of(exact, [1.0, 0.0], "q", -0.3, 0.3, step=0.1)
-    assert in_segments(branch)
-    (pitchfork,) = branch.of_kind(PITCHFORK)
-    curve = continue_bifurcation(branch, pitchfork, "b", (-1.0, 1.0), (-0.8, 0.8), step=0.1)
-    assert curve.ends == BOTH_LEFT
-    np.testing.assert_allclose(curve.values[:, 0], curve.values[:, 1] ** 2, atol=1e-11)
-    broken = continue_bifurcation(branch, pitchfork, "c", (-1.0, 1.0), (-0.8, 0.8), step=0.1)
-    assert broken.ends == ("symmetry broken", "symmetry broken")
-    assert len(broken.values) == 1

@@ -56,7 +56,7 @@ def exact(text: str, x: Any, y: Any) -> Any:
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in (1, 2))])
 def test_values_and_gradients_are_those_of_mpmath(seed: int) -> None:
     rng, values, gradients = random.Random(seed), 0, 0
-    for _ in range(25):
+    for _ in range(12):
         text = formula(rng, rng.choice([2, 3]))
         scope: dict[str, Any] = dict(MATH)
         exec(f"def f(s, p):\n    x, y = s\n    return {text}, y\n", scope)
@@ -90,5 +90,5 @@ def test_values_and_gradients_are_those_of_mpmath(seed: int) -> None:
                         slope = (others[2 * j] - others[2 * j + 1]) / (2 * h * v)
                         allowed = 1e-7 * abs(slope) + 1e-9 * spread / h / abs(v) + 1e-250
                         assert abs(slopes[k, j] - slope) <= allowed, (text, point)
-    assert values > 60
-    assert gradients > 40
+    assert values > 30
+    assert gradients > 20

@@ -114,6 +114,7 @@ def test_series_divide_by_what_turns(divisor: Any, method: str) -> None:
     assert choose_method("auto", traced, 1e-9).name == method
 
 
+@pytest.mark.thorough
 def test_states_alone_are_expanded_up_to_more_work(problems: Mapping[str, ForcedSystem]) -> None:
     """The series of a double pendulum cost less than Runge-Kutta steps, those of its derivatives more.
 
