@@ -81,12 +81,12 @@ def test_terminated_orbits_keep_their_labels_and_estimators_are_ones_own() -> No
         x = grid.axis(0)
         assert (found.labels[np.abs(x) > 5**0.5] == Label.DIVERGED).all()
         assert np.array_equal(found.labels < 0, np.abs(x) > 5**0.5)
-    with pytest.raises(ValueError, match="give it a seed, random_state=0"):
-        classify_by_features(cubic(), grid, mean, KMeans(2))
         inner = np.abs(x) < 3**0.5
         assert len(set(found.labels[inner & (x > 0)])) == len(set(found.labels[inner & (x < 0)])) == 1
         assert sorted(points[-1, 0] for points in found.representatives) == pytest.approx([-1.0, 1.0])
         assert np.isnan(found.features[0]).all() and found.features.shape == (60, 1)
+    with pytest.raises(ValueError, match="give it a seed, random_state=0"):
+        classify_by_features(cubic(), grid, mean, KMeans(2))
     nothing = classify_by_features(cubic(), [[5.0], [9.0]], mean, min_size=2)
     assert nothing.labels.tolist() == [Label.DIVERGED] * 2 and not nothing.representatives
 

@@ -7,8 +7,8 @@ from math import exp
 import numpy as np
 import pytest
 
-from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, set_threads
-from cellmap.basins import ContinuationInterrupt, continuation, continuation_states, continue_basins
+from cellmap import CellGrid, discrete_map, find_basins, interpolated_map
+from cellmap.basins import continuation, continuation_states, continue_basins
 from cellmap.basins.initial_conditions import InitialConditions
 
 WINDOW = CellGrid((-2.0, -2.0), (2.0, 2.0), (64, 64))
@@ -119,32 +119,3 @@ def test_an_audit_that_finds_a_difference_has_all_labels_found_again(monkeypatch
     assert np.array_equal(again.counts, sweep.counts)
     assert (again.audited[33:, 1] > 0).all()
     assert (again.audited[:33, 1] == 0).all()
-
-
-@pytest.mark.thorough
-def test_same_bits_on_any_number_of_threads_and_after_an_interruption(monkeypatch, sweep) -> None:
-    results = []
-    for threads in (1, 3):
-        set_threads(threads)
-        results.append(continue_basins(table(), "h", VALUES, PLACES))
-    set_threads(None)
-    step, seen = continuation._step, []
-
-    def interrupted(*arguments):
-        seen.append(1)
-        if len(seen) == 12:
-            raise KeyboardInterrupt
-        return step(*arguments)
-
-    monkeypatch.setattr(continuation, "_step", interrupted)
-    with pytest.raises(ContinuationInterrupt) as stop:
-        continue_basins(table(), "h", VALUES, PLACES)
-    results.append(continue_basins(table(), "h", VALUES, PLACES, resume=stop.value.partial))
-    assert len(stop.value.partial.values) == 11
-    for result in results:
-        assert np.array_equal(result.counts, sweep.counts)
-        assert np.array_equal(result.audited, sweep.audited)
-        for mine, theirs in zip(result.attractors, sweep.attractors, strict=True):
-            assert {k: a.points.tobytes() for k, a in mine.items()} == {
-                k: a.points.tobytes() for k, a in theirs.items()
-            }

@@ -15,7 +15,6 @@ from cellmap import (
     CellGrid,
     Label,
     discrete_map,
-    find_attractors,
     find_basins,
     interpolated_map,
     load_basins,
@@ -62,24 +61,6 @@ def test_a_key_that_is_missing_is_an_error_that_names_all(basins):
             keyed["sink"]
     with pytest.raises(KeyError, match=r"fractions\[7\]: choose one of 0 \(group 0\)"):
         grouped.fractions[7]
-
-
-def test_tuples_of_ascending_pairs_are_said_to_be_no_window():
-    """In two dimensions they are states, labelled as ever; lists, arrays and other tuples are so without a word."""
-    pairs = [(-2.0, 2.0), (-1.0, 1.0)]
-    with pytest.warns(
-        UserWarning, match=r"two states; for a window give CellGrid\(\(-2.0, -1.0\), \(2.0, 1.0\), shape\)"
-    ):
-        taken = find_basins(WELLS, pairs)
-    for given in (np.array(pairs), [list(pair) for pair in pairs], [*pairs, (1.0, 2.0)], [(-2.0, 2.0), (1.0, -1.0)]):
-        assert len(find_basins(WELLS, given).labels) == len(given) and len(taken.labels) == 2
-    with pytest.warns(UserWarning, match="two states"):
-        find_attractors(WELLS, tuple(pairs))
-    line = discrete_map(lambda x, p: (x[0] / 2,), {}, ("x",))
-    with pytest.raises(
-        ValueError, match=r"length 1, and these pairs 2; for a window give CellGrid\(\(-2,\), \(2,\), shape"
-    ):
-        find_basins(line, [(-2, 2)])
 
 
 # --- labels of points

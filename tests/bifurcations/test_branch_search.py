@@ -1,13 +1,11 @@
 """All branches in a window: curves in closed form, isolas among them, and those of the driven pendulum."""
 
-from math import pi
-
 import numpy as np
 import pytest
 
-from cellmap import CellGrid, discrete_map, stroboscopic_map
+from cellmap import CellGrid, discrete_map
 from cellmap.bifurcations import BifurcationKind, find_branches
-from systems import driven_pendulum, logistic_map
+from systems import logistic_map
 
 WINDOW = CellGrid((-2.05,), (5.0,), (150,))
 
@@ -71,17 +69,3 @@ def test_branches_of_the_logistic_map_are_found_once():
     born = [b.values.min() for b in found.branches if b.period > 1]
     np.testing.assert_allclose(born, [3.0, 1.0 + np.sqrt(6.0)], atol=0.02)
     assert found.not_followed == ()
-
-
-@pytest.mark.thorough
-def test_branches_of_the_driven_pendulum():
-    """The hanging and the inverted state, two saddles from 2.329 mm on, and rotations both ways from 1.7318 mm on."""
-    exact = stroboscopic_map(driven_pendulum(amplitude=0.003), rtol=1e-12, atol=1e-12)
-    region = CellGrid((-pi, -500), (pi, 500), (80, 80))
-    found = find_branches(exact, "amplitude", 1e-3, 6e-3, region, n_values=3, step=0.05)
-    assert len(found.branches) == 6
-    assert found.orbits.tolist() == [2, 8, 8]
-    folds = [1e3 * b.value for branch in found.branches for b in branch.of_kind(BifurcationKind.FOLD)]
-    np.testing.assert_allclose(folds, [1.731758671939] * 2, atol=1e-9)
-    assert sum(len(b.of_kind(BifurcationKind.PITCHFORK)) for b in found.branches) == 1
-    assert found.connected.sum() == 2

@@ -117,26 +117,6 @@ def test_degenerate_pitchforks_with_and_without_the_symmetry():
     assert broken.ends == ("symmetry broken", "symmetry broken")
 
 
-@pytest.mark.thorough
-def test_chenciner_points():
-    """r -> r (1 + a + (b - c^2) r^2 - r^4), with an angle 1 + 0.6 c, in coordinates that are bent and moved."""
-
-    def image(x, p):
-        u = x[0] - p.c / 4
-        v = x[1] + 0.7 * u**2 - 0.3 * u**3
-        size = u**2 + v**2
-        growth, turn = 1.0 + p.a + (p.b - p.c**2) * size - size**2, 1.0 + 0.6 * p.c
-        u, v = growth * (np.cos(turn) * u - np.sin(turn) * v), growth * (np.sin(turn) * u + np.cos(turn) * v)
-        return u + p.c / 4, v - 0.7 * u**2 + 0.3 * u**3
-
-    exact = discrete_map(image, {"a": -0.1, "b": -0.2, "c": 0.2}, ("x", "y"))
-    found = followed(curve_of(exact, [0.05, 0.0], NEIMARK_SACKER, "ab"), POINT.CHENCINER, "c", UNIT, UNIT, (-0.2, 0.4))
-    a, b, c = found.values.T
-    assert_equal(b, c**2)
-    assert_equal(a, 0.0)
-    assert found.ends == BOTH_LEFT
-
-
 def test_what_is_no_point_of_the_curve_or_no_third_parameter_is_refused(henon_curves):
     point = next(p for p in henon_curves[FOLD].codimension_two() if p.kind is POINT.RESONANCE_1_1)
     for kind, name, third, message in (

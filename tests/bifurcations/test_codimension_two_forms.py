@@ -2,7 +2,7 @@
 
 from cmath import exp
 from dataclasses import replace
-from math import gamma, pi
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -127,19 +127,6 @@ def test_the_fifth_order_of_a_flip():
 
 
 # What is not known, and what is not there.
-
-
-@pytest.mark.thorough
-def test_differences_give_no_fifth_order():
-    exact = discrete_map(lambda x, p: (-x[0] + x[0] ** 3 + x[0] ** 5 + 0.0 * gamma(2.0 + x[0]),), {"s": 1.0}, ("x",))
-    flip = codimension_two_form(exact, [0.0], POINT.GENERALISED_FLIP)
-    assert not flip.exact
-    assert np.isnan(flip.coefficients["e"])
-    assert flip.errors["e"] == np.inf
-    assert flip.degenerate == ("e",)
-    exact = discrete_map(lambda x, p: (x[0] - x[0] ** 3 + 0.0 * gamma(2.0 + x[0]),), {"s": 1.0}, ("x",))
-    cusp = codimension_two_form(exact, [0.0], POINT.CUSP)
-    assert abs(cusp.coefficients["c"] + 1.0) <= 3.0 * cusp.errors["c"] < 1e-6
 
 
 def test_coefficients_that_vanish_are_named():

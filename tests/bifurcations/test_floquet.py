@@ -1,15 +1,14 @@
 """Multipliers, critical values and maps of stability of equilibria."""
 
-from math import cos, exp, pi, tanh
+from math import exp, pi
 
 import numpy as np
 import pytest
 from cases import HANGING, INVERTED, mathieu
 from scipy.special import mathieu_a, mathieu_b
 
-from cellmap import ForcedSystem, Status, set_threads, stability_map, stroboscopic_map
+from cellmap import Status, set_threads, stability_map
 from cellmap.bifurcations import Crossing, critical_values, floquet_multipliers
-from cellmap.maps import jacobian
 from systems import double_pendulum, driven_pendulum
 
 
@@ -71,27 +70,6 @@ def test_curves_are_those_of_mathieu():
     assert plane.unstable.shape == plane.largest.shape == (4, 60)
     assert np.array_equal(plane.unstable > 0, plane.largest > 1.0 + 1e-8)
     assert not plane.status.any()
-
-
-@pytest.mark.thorough
-def test_right_hand_sides_without_quick_series():
-    """A forcing that saturates is stepped by a Runge-Kutta method; the third variable decays by itself."""
-
-    def rhs(t, x, p):
-        force = p.strength * tanh(3.0 * cos(p.rate * t)) * x[0] * (1.0 + x[2])
-        return x[1], -x[0] - 0.1 * x[1] + force + x[2] ** 2, -p.decay * x[2]
-
-    system = ForcedSystem(
-        rhs, {"strength": 0.3, "rate": 2.0, "decay": 0.2}, lambda p: 2.0 * pi / p.rate, ("x", "v", "z")
-    )
-    result = floquet_multipliers(system, np.zeros(3), {"strength": [[0.1], [0.5]], "rate": [1.5, 2.0, 2.5]}, rtol=1e-11)
-    assert result.multipliers.shape == (2, 3, 3)
-    for i, strength in enumerate((0.1, 0.5)):
-        for j, rate in enumerate((1.5, 2.0, 2.5)):
-            strobe = stroboscopic_map(system.with_params(strength=strength, rate=rate), rtol=1e-12, atol=1e-12)
-            assert result.monodromy[i, j] == pytest.approx(jacobian(strobe, np.zeros(3)), abs=1e-9)
-            decay = exp(-0.2 * 2.0 * pi / rate)
-            assert np.abs(result.multipliers[i, j] - decay).min() < 1e-10
 
 
 def test_neimark_sacker_of_the_double_pendulum():

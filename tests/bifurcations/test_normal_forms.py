@@ -1,15 +1,14 @@
 """Normal forms of bifurcations: closed forms of discrete maps, differences of independent integrations of flows."""
 
-from math import cos, gamma, hypot, pi, sqrt
+from math import gamma, hypot, sqrt
 
 import numpy as np
 import pytest
 from branch_kinds import DOUBLING, FOLD, NEIMARK_SACKER, PITCHFORK
 from cases import branch_of
 
-from cellmap import ForcedSystem, discrete_map, stroboscopic_map
+from cellmap import discrete_map
 from cellmap.bifurcations import Criticality, normal_form
-from cellmap.maps import Impact
 from systems import logistic_map
 
 
@@ -120,24 +119,3 @@ def test_differences_serve_where_no_formulas_are_known():
 
 
 # Flows.
-
-
-@pytest.mark.thorough
-def test_a_doubling_beside_grazing():
-    """An orbit with one impact turns round 0.007 of its width before the wall: differences are taken in less than that.
-
-    Witness: the map in closed form, differentiated three times by mpmath with 60 digits.
-    """
-    wall = Impact(lambda t, x, p: 1.0 - x[0], lambda t, x, p: (x[0], -0.8 * x[1]))
-    system = ForcedSystem(
-        lambda t, x, p: (x[1], p.F * cos(0.7 * t) - 0.1 * x[1] - x[0]),
-        {"F": 0.5268502149910954},
-        2 * pi / 0.7,
-        ("x", "v"),
-        impacts=[wall],
-    )
-    exact = stroboscopic_map(system, rtol=1e-11, atol=1e-11)
-    found = normal_form(exact, [0.981714311569008, 0.17311436346097198], DOUBLING)
-    assert found.coefficient == pytest.approx(175.334965682, abs=found.error)
-    assert found.error < 0.01
-    assert found.criticality is Criticality.SUPERCRITICAL

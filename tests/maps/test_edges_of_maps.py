@@ -1,7 +1,7 @@
 """What maps do at edges: far angles, ended orbits, surfaces that are not there, cells beside those without images."""
 
 from dataclasses import asdict
-from math import cos, log, pi, sin
+from math import cos, log, pi
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +11,6 @@ from cellmap import CellGrid, ForcedSystem, Status, discrete_map, interpolated_m
 from cellmap.maps import grazing_distance, inverse_stroboscopic_map, section_map, swept_map
 from cellmap.maps.coordinates import in_turn
 from cellmap.maps.fingerprint import fingerprint
-from cellmap.maps.formulas import formulas
 from cellmap.maps.interpolation import table_making
 from cellmap.maps.misread import lacking
 from cellmap.maps.orbit_batch import Cost, Orbits
@@ -99,19 +98,6 @@ def test_what_is_lacking_is_said_of_parameters_and_of_modules():
         _ = np.nothing_like_it
     said = str(lacking("rhs", other.value))
     assert "nothing_like_it" in said and "mass" not in said
-
-
-def test_right_hand_sides_at_many_times():
-    """Of formulas, of branches on the side where the state is at the time 0, and of what has no formulas."""
-    times = np.linspace(0.0, 6.0, 5)
-    for rhs in (
-        lambda t, x, p: (x[1] + sin(t), p.k * x[0] * cos(t)),
-        lambda t, x, p: (x[1] + sin(t), p.k * x[0] * cos(t) if x[0] + 0 * t > 0.0 else 7.0),
-        lambda t, x, p: (x[1] + sin(t), p.k * x[0] * float(np.cos(t))),
-    ):
-        known = formulas(ForcedSystem(rhs, {"k": 3.0}, 2 * pi, ("q", "v")))
-        found = known.derivatives(times, (0.5, -2.0))
-        np.testing.assert_allclose(found, np.stack([np.sin(times) - 2.0, 1.5 * np.cos(times)], axis=1), rtol=1e-14)
 
 
 def test_nothing_done_costs_nothing():

@@ -1,6 +1,6 @@
 """Cells of an interpolation grid in which the exact map is used, and the errors by which they are found."""
 
-from math import floor, pi, sin, sqrt
+from math import pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -25,18 +25,6 @@ def test_fallback_cells_are_found_and_evaluated_with_the_exact_map(name, order, 
         assert (
             icm.table.fallback[cells] | icm.table.fallback[cells - 1]
         ).all()  # a jump at a node is in the cell below
-
-
-def test_jump_along_a_circle_in_the_plane():
-    """Cells that the circle crosses, away from their centres as well, have their exact images."""
-
-    def disc(x, p):
-        return 0.5 * x[0] + 0.3 * floor(1.5 * (x[0] ** 2 + x[1] ** 2)), 0.5 * x[1]
-
-    exact = discrete_map(disc, {}, ("x", "y"))
-    icm = interpolated_map(exact, CellGrid((-1.0, -1.0), (1.0, 1.0), (100, 100)), outside="integrate", tolerance=0.01)
-    points = np.random.default_rng(6).uniform(-1.0, 1.0, (50_000, 2))
-    assert (errors_at(icm, points) > 0.05).mean() < 1e-3
 
 
 @pytest.mark.filterwarnings("ignore:.* of the cells are fallback cells:UserWarning")

@@ -76,23 +76,6 @@ def test_nodes_have_their_exact_images(name, order):
     assert icm.iterate(nodes, 1).unwrapped == pytest.approx(icm.exact.iterate(nodes, 1).unwrapped, abs=1e-12)
 
 
-def test_rows_stop_where_the_table_ends_and_keep_their_periods():
-    # The table of the shift x -> x + 1 with four cells on [0, 4]: linear, coefficients 1 everywhere.
-    look_up = lookup_kernel(1, 1)
-    table = np.concatenate([np.ones(5), np.zeros(WIDTH)])
-    points, rotations, left = (
-        np.array([[0.5], [3.5], [-0.5], [np.nan], [1.0]]),
-        np.zeros((5, 1), np.int64),
-        np.full(5, 3),
-    )
-    reach = np.array([1, 1, 0, 1], np.uint8)
-    window = (np.zeros(1), np.ones(1), np.array([4]), np.zeros(1))
-    line = (np.array([-np.inf]), np.zeros(1))
-    look_up(points, rotations, left, table, np.array([1, 5]), *window, reach, *line)
-    assert points[:, 0] == pytest.approx([2.5, 4.5, -0.5, np.nan, 2.0], nan_ok=True)
-    assert left.tolist() == [1, 2, 3, 3, 2]
-
-
 def test_a_row_that_stops_leaves_its_lane_to_another():
     """More rows than a block has, each with its own number of periods, and some that leave at once."""
     look_up = lookup_kernel(1, 1)

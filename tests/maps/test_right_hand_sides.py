@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from math import atan2, cos, erf, pi, sin
 from typing import Any
 
 import numpy as np
@@ -15,38 +14,6 @@ from cellmap import ForcedSystem, discrete_map, stroboscopic_map
 from cellmap.maps import Status, jacobian
 
 ImagesOf = Callable[..., NDArray[np.float64]]
-
-
-def stop(t: float, x: Any, p: Any) -> tuple[float, float]:
-    """A stop on one side: a spring that is stiffer for x > 0.  Its kink is no obstacle to a met tolerance."""
-    stiffness = p.k if x[0] > 0.0 else 1.0
-    return x[1], -0.1 * x[1] - stiffness * x[0] + sin(t)
-
-
-def torque(v: float) -> float:
-    return 0.1 * v if v > 0.0 else 0.2 * v
-
-
-def modules(t: float, x: Any, p: Any) -> tuple[float, float]:
-    return x[1], -torque(x[1]) - math.sin(x[0]) + p.k * np.cos(t) + math.pi * 0.0 + 0.01 * min(x[0], 1.0)
-
-
-def of_libm(t: float, x: Any, p: Any) -> tuple[float, float]:
-    """Functions without vector form."""
-    return x[1], -atan2(x[0], 1.0 + x[1] ** 2) - 0.1 * erf(x[1]) + 0.2 * p.k * cos(t)
-
-
-@pytest.mark.parametrize(
-    ("rhs", "k", "tolerance", "error"),
-    [(stop, 4.0, 1e-7, 2e-6), (modules, 0.3, 1e-7, 2e-6), (of_libm, 1.0, 1e-9, 1e-8)],
-)
-def test_images_are_those_of_scipy(rhs, k, tolerance, error, scipy_images):
-    system = ForcedSystem(rhs, {"k": k}, 2 * pi, ("x", "v"))
-    initial_conditions = np.random.default_rng(2).uniform(-1.0, 1.0, (8, 2))
-    strobe = stroboscopic_map(system, rtol=tolerance, atol=tolerance)
-    images = strobe(initial_conditions)
-    assert images == pytest.approx(scipy_images(system, initial_conditions, rtol=1e-12, one_by_one=True), abs=error)
-    assert np.array_equal(strobe(np.repeat(initial_conditions, 10, axis=0))[::10], images)
 
 
 def test_no_parameters_one_variable_and_an_unforced_flow() -> None:

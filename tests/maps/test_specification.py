@@ -1,7 +1,6 @@
 """Maps built from specifications: the kinds of the library, and one of a user's own."""
 
 import json
-import logging
 import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -166,32 +165,6 @@ def test_a_map_that_was_changed_by_hand_is_not_built_again(valley: PointMap) -> 
     changed = replace(valley, name="another")
     assert changed.spec is None
     assert changed.recipe == {"kind": "map"}
-
-
-@pytest.mark.thorough
-def test_the_reason_why_formulas_are_not_known_is_told(caplog: pytest.LogCaptureFixture) -> None:
-    def slips(x: Any, p: Any) -> tuple[float]:
-        return (x[0].conjugate() * 0.5,)
-
-    def branches(x: Any, p: Any) -> tuple[float]:
-        return (x[0] * 0.5 if x[0] != 0.0 else 1.0,)
-
-    def sorts(t: float, x: Any, p: Any) -> tuple[float]:
-        return (-x[0] if isinstance(x[0], float) else -5.0 * x[0],)
-
-    with caplog.at_level(logging.INFO, "cellmap"):
-        slipping = discrete_map(slips, {}, ("x",))
-        branching = discrete_map(branches, {}, ("x",))
-        flow = stroboscopic_map(ForcedSystem(sorts, {}, 1.0, ("x",)))
-    told = [record.getMessage() for record in caplog.records]
-    assert "AttributeError: 'Expression' object has no attribute 'conjugate'" in told[0]
-    assert "AttributeError: 'Expression' object has no attribute 'conjugate'" in repr(slipping)
-    assert "decides a branch" in told[1] and "decides a branch" in repr(branching)
-    assert repr(flow).endswith(
-        "formulas unknown, they give other values than the function: it catches exceptions, or asks for types)"
-    )
-    assert "unknown" not in repr(ROTATING)
-    assert stroboscopic_map(SYSTEM).unknown_formulas == ""
 
 
 @pytest.mark.parametrize("dimension", [1, 2])

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Callable, Mapping
-from math import cos, pi
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,6 @@ from test_impacts import STRUCK
 from two_tiers import at_once
 
 from cellmap import ForcedSystem, Status, angle, set_threads, stroboscopic_map
-from cellmap._compiled.codegen.kernel import flow_kernel
 from cellmap._compiled.kernels.blocks import LANES
 from cellmap._compiled.machine_code import machine_code
 from cellmap.maps.orbit_batch import CHUNK
@@ -162,13 +161,3 @@ def test_a_sweep_compiles_nothing(problems: Mapping[str, ForcedSystem]) -> None:
     images = [stroboscopic_map(one)([0.1, 0.1]) for one in swept]
     assert machine_code.cache_info().misses == compiled
     assert len(np.unique(images, axis=0)) == 10
-
-
-def test_equal_right_hand_sides_share_their_compiled_code() -> None:
-    def make() -> ForcedSystem:
-        return ForcedSystem(lambda t, x, p: (x[1], -p.k * x[0] + cos(t)), {"k": 2.0}, 2 * pi, ("x", "v"))
-
-    first, second = make(), make()
-    kernels = [flow_kernel(s.rhs, 2, ("k",), "RK45", 1e-6) for s in (first, second)]
-    assert first.rhs is not second.rhs
-    assert kernels[0].advance is kernels[1].advance

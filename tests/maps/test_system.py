@@ -51,15 +51,6 @@ def test_parameters_are_copied_and_become_floats() -> None:
     assert all(type(v) is float for v in one.params.values())
 
 
-def test_changed_parameters_make_another_system() -> None:
-    one = system()
-    other = one.with_params(gamma=0.3)
-    assert one.with_params({"gamma": 0.3}).params == one.with_params({"gamma": 0.1}, gamma=0.3).params == other.params
-    assert (one.parameters.gamma, other.parameters.gamma) == (0.2, 0.3)
-    assert other.rhs is one.rhs
-    assert (other.name, other.axes, other.length) == (one.name, one.axes, one.length)
-
-
 def test_an_angle_must_be_one() -> None:
     def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
         return x[1], -sin(2 * pi * x[0] / 360.0)

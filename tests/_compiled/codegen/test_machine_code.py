@@ -44,28 +44,6 @@ def test_elementary_functions_are_the_same_in_vectors_and_alone_to_the_bit(name:
     assert np.array_equal(found, rows[:, 0], equal_nan=True)
 
 
-@pytest.mark.parametrize(
-    "name", ["log", "asin", "acos", "log10", "log2", "log1p", "expm1", "asinh", "erf", "ceil", "floor", "fabs", "sqrt"]
-)
-def test_functions_of_the_c_library_and_of_the_processor(name: str) -> None:
-    values = np.random.default_rng(1).uniform(0.0, 1.0, 100)
-    found = applied(lambda x, p: (getattr(math, name)(x[0]),), values[:, None])[:, 0]
-    assert found == pytest.approx([getattr(math, name)(v) for v in values], rel=4e-16)
-
-
-def test_functions_of_two_numbers() -> None:
-    points = np.random.default_rng(2).uniform(0.1, 2.0, (200, 2)) * [1.0, -1.0]
-
-    def several(x: Any, p: Any) -> Any:
-        return min(x[0], p.p0 * x[1]) + math.hypot(x[0], x[1]), max(x[0], -1.5) * math.atan2(x[0], x[1]) + x[0] ** x[1]
-
-    class Record:
-        p0 = -0.7
-
-    expected = [several(tuple(point), Record) for point in points.tolist()]
-    assert applied(several, points, (-0.7,)) == pytest.approx(np.array(expected), rel=1e-14)
-
-
 def test_the_worked_example_of_the_documentation() -> None:
     """Each operation of a step is one instruction of LLVM, and those of shared numbers are computed once."""
     out = Instructions(4)

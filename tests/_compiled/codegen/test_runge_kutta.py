@@ -74,20 +74,6 @@ def untraced(traced: ForcedSystem) -> ForcedSystem:
     return ForcedSystem(branching, traced.params, 2 * pi, traced.axes)
 
 
-@pytest.mark.parametrize(("method", "order", "steps"), [("RK45", 5, 64), ("DOP853", 8, 8)])
-def test_order_of_convergence_on_the_linear_oscillator(method: str, order: int, steps: int) -> None:
-    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
-        return x[1], -x[0]
-
-    system = ForcedSystem(rhs, {}, 2 * pi, ("x", "v"))
-    initial_condition = np.array([[1.0, 0.0]])
-    kernel = flow_kernel(rhs, 2, (), method, 1e-9)
-    errors = [
-        np.abs(images(kernel, system, initial_condition, n)[0] - initial_condition).max() for n in (steps, 2 * steps)
-    ]
-    assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.1)
-
-
 @pytest.mark.parametrize(("method", "order", "steps"), [("RK45", 5, 256), ("DOP853", 8, 32)])
 @pytest.mark.parametrize("form", ["traced", "untraced"])
 def test_order_of_convergence_on_the_driven_pendulum(method, order, steps, form, request, precise_images):

@@ -126,44 +126,6 @@ def test_a_print_warns_where_it_stands_and_prints_nothing_of_symbols(capsys: pyt
     assert capsys.readouterr().out == ""
 
 
-SAME = "x**3|x**-2|x**0.5|x**2.7|2.0/x|x/(1 + x*x)|-x*(3 - x) + 5|2.5**x|x**x".split("|")
-SYMPY = dict(zip(SAME, SAME, strict=True)) | {
-    "abs(x)": "abs(x)",
-    "min(x*x, 1.0)": "Min(x**2, 1)",
-    "max(x*x, 1.0)": "Max(x**2, 1)",
-    "x*math.floor(3.0*x)": "x*floor(3*x)",
-    "x**3 % 1.0": "Mod(x**3, 1)",
-    "math.copysign(x, -x)": "-x",
-    "x*np.sign(x - 1.0)": "x*sign(x - 1)",
-    "x**2 if x > 1.0 else x": "Piecewise((x**2, x > 1), (x, True))",
-    "math.sin(x*x)*math.exp(-x)": "sin(x**2)*exp(-x)",
-    "math.hypot(x, 2.0)": "sqrt(x**2 + 4)",
-    "math.atan2(x, 2.0)": "atan(x/2)",
-    "math.atan2(2.0, x)": "atan(2/x)",
-}
-"""Functions, and what they are for SymPy; those of one argument alone are in test_functions.py."""
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("text", SYMPY)
-def test_tangents_are_the_derivatives_that_sympy_finds(text: str) -> None:
-    import sympy
-
-    function = eval(f"lambda x: {text}")
-    traced = trace(lambda t, x, p: (function(x[0]),), 1, ())
-    tangent = jet_trace(traced, 1)
-    x = sympy.Symbol("x", positive=True)
-    formula_of_x = sympy.sympify(SYMPY[text], locals={"x": x})
-    for place in (0.3, 1.1):
-        # Whole parts rest where they are: what is left has the slope of the formula.
-        held = formula_of_x.replace(sympy.Mod, lambda a, b: a - b * sympy.floor(a / b))
-        held = held.replace(sympy.floor, lambda a, at=place: sympy.floor(a.subs(x, at)))
-        slope = sympy.diff(held, x)
-        value, derivative = evaluate(tangent, 0.0, [place, 2.0], [])
-        assert value == pytest.approx(function(place), rel=1e-15)
-        assert derivative == pytest.approx(2.0 * float(slope.subs(x, place)), rel=1e-13)
-
-
 def test_the_tangent_of_a_time_dependent_coupled_system() -> None:
     def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
         return x[1] * math.cos(t) + p.k, p.k * x[0] * x[1]

@@ -10,7 +10,7 @@ from cellmap import CellGrid, discrete_map, find_basins, interpolated_map, strob
 from cellmap._compiled.kernels.boxes import NO_BASIN
 from cellmap.analysis import fit_line
 from cellmap.analysis.fractal import boundary_dimension
-from cellmap.analysis.fractal.boundary_dimensions import sampled, without_specks
+from cellmap.analysis.fractal.boundary_dimensions import without_specks
 from cellmap.analysis.fractal.label_images import LabelImage, boundary_boxes, count_boxes, label_image
 from cellmap.analysis.fractal.uncertainty_fits import _halves
 from cellmap.analysis.fractal.wada_search import _centres
@@ -148,48 +148,6 @@ def test_two_well_duffing(duffing):
     assert by_all_cells.fractal
     assert by_corners.fractal
     assert 1 not in by_all_cells.sizes[by_all_cells.usable]  # cells miss strands that are thinner
-
-
-@THOROUGH
-def test_moon_and_li():
-    """1.776 +- 0.01 at small sizes, on many small windows at random places: boxes of 5e-5 to 4e-4.
-
-    Their counts add up to those of the whole region; from one window to the next the density of the boundary differs,
-    and resampling of windows puts a standard error of 0.005 on the slope.
-    """
-    exact = stroboscopic_map(systems.moon_li_duffing())
-    icm = interpolated_map(exact, CellGrid((-2.6, -2.6), (2.6, 2.6), (512, 512)))
-    rng = np.random.default_rng(0)
-    cells = np.arange(17) * 5e-5
-    corners = rng.uniform(-2.0, 2.0, (6000, 1, 1, 2))
-    initial_conditions = corners + np.stack(np.meshgrid(cells, cells, indexing="ij"), axis=-1)
-    images = find_basins(icm, initial_conditions, max_periods=1500).labels
-    sizes = [1, 2, 4, 8]
-    total = np.zeros(4)
-    for labels in images:
-        image = label_image(labels, (), None)
-        total += [sampled(image, 256, size, 1, 1, rng)[0] for size in sizes]
-    dimension = -fit_line(np.log(sizes), np.log(total), (0, 3)).slope
-    assert dimension == pytest.approx(1.776, abs=0.01)
-
-
-@THOROUGH
-def test_smooth_boundary_of_the_pendulum():
-    """3 mm: no orbit on the boundary is chaotic; near the wells the arms of the spiral are wide."""
-    exact = stroboscopic_map(systems.driven_pendulum())
-    icm = interpolated_map(exact, CellGrid((-pi, -600.0), (pi, 600.0), (256, 256)))
-    near = boundary_dimension(find_basins(icm, CellGrid((-pi, -100.0), (pi, 100.0), (600, 600))))
-    low, high = near.fit.interval()
-    assert low <= 1.0 <= high
-    assert near.dimension == pytest.approx(1.0, abs=0.01)
-    assert not near.fractal
-    # Farther out the arms are so thin that the image shows no power law yet: the error says so.
-    far = find_basins(icm, CellGrid((-pi, -500.0), (pi, 500.0), (600, 600)))
-    for samples in (None, 1, 2):
-        found = boundary_dimension(far, lattice=samples)
-        low, high = found.fit.interval()
-        assert low <= 1.0 <= high
-        assert not found.fractal
 
 
 def test_negative_labels_are_no_basins():

@@ -19,7 +19,6 @@ from studies.known_fractals import (
     cantor_square,
     koch,
     line,
-    point_sets,
     rotation_by,
     sierpinski,
     square,
@@ -47,15 +46,6 @@ def test_known_sets(made, size, exact, angle):
     assert found.fractal == (exact != 1.0)
     assert found.fit.slope == found.dimension
     assert log(found.counts[-1]) == pytest.approx(found.fit.y[-1])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("angle", [0.0, 0.5, 1.1])
-@pytest.mark.parametrize("name", ["filled square", "Sierpinski triangle"])
-def test_known_sets_of_many_points(name, angle):
-    build, exact = point_sets(quick=False)[name]
-    found = box_dimension(build() @ rotation_by(angle).T + 0.3, n_offsets=2)
-    assert found.dimension == pytest.approx(exact, abs=0.01)
 
 
 @pytest.mark.parametrize("level", [10, pytest.param(11, marks=pytest.mark.thorough)])
@@ -90,17 +80,6 @@ def test_orbit_of_henon_covers_what_is_known():
     points = systems.henon_map().orbit(initial_conditions, 1_600).points[101:].reshape(-1, 2)
     low, high = box_dimension(points).fit.interval()
     assert low < 1.258 < high
-
-
-@pytest.mark.slow
-def test_henon_attractor():
-    """Occupied boxes on [-3, 3]^2 at 2**k a side, recomputed independently; here from 2 10^7 points."""
-    initial_conditions = np.random.default_rng(0).uniform(-0.1, 0.1, (1000, 2))
-    points = systems.henon_map().orbit(initial_conditions, 20_100).points[101:].reshape(-1, 2)
-    found = box_dimension(points, 6.0 / 2.0 ** np.arange(4, 11), origin=(-3.0, -3.0))
-    expected = [17, 36, 89, 212, 504, 1184, 2775]
-    assert np.abs(found.counts - expected).max() <= 1
-    assert not found.errors.any()
 
 
 def test_aligned_grid_counts_exactly():

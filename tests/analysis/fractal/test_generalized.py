@@ -32,17 +32,6 @@ def test_cascade_on_grids_at_random_places():
     assert found[0.0].slope == pytest.approx(CANTOR, abs=0.01)
 
 
-@pytest.mark.thorough
-def test_uniform_measure_has_one_dimension():
-    points = np.random.default_rng(0).random((300_000, 2))
-    torus = (angle("a", period=1.0, lower=0.0), angle("b", period=1.0, lower=0.0))
-    found = generalized_dimensions(points, (0, 1, 2, 4), coordinates=torus)
-    np.testing.assert_allclose(found.dimensions, 2.0, atol=0.01)
-    # A square has edges, which the boxes at them count in full.
-    open_square = generalized_dimensions(points, (0, 1, 2, 4))
-    assert (open_square.dimensions < found.dimensions).all()
-
-
 # --- correlation
 
 
