@@ -10,7 +10,7 @@ import pytest
 from cellmap import CellGrid, discrete_map, set_threads
 from cellmap.basins.planning import probes
 from cellmap.basins.planning.predictions import Labelling
-from cellmap.basins.planning.probes import Job, Trial, places_in, some_initial_conditions
+from cellmap.basins.planning.probes import Job, Trial, some_initial_conditions
 
 HALVES = discrete_map(lambda x, p: (0.5 * x[0], 0.5 * x[1]), {}, ("x", "y"))
 SQUARE = CellGrid((-1.0, -1.0), (1.0, 1.0), (512, 512))
@@ -106,12 +106,6 @@ def test_time_of_labelling_is_fixed_and_for_each_point(monkeypatch, fixed):
     assert followed.fixed == pytest.approx(max(0.0, fixed - 1600 * (followed.per_point - 2e-5)), abs=1e-9)
 
 
-def test_small_grids_are_labelled_as_a_whole(monkeypatch):
-    monkeypatch.setattr(probes, "label", lambda job, point_map, number, count: Trial(number, 0.7, 4.0, 2 * number))
-    small = CellGrid((-1.0, -1.0), (1.0, 1.0), (32, 100))
-    assert probes.time_labelling(job(small), HALVES, int) == (Labelling(0.7, 0.0), 4.0, 2.0)
-
-
 # --- windows and tables
 
 
@@ -151,13 +145,3 @@ def test_what_a_table_costs_besides_the_exact_map(monkeypatch):
     assert probes.table_probe(job(), SQUARE, 3).fallback == ((32, pytest.approx(0.99)), (64, pytest.approx(0.99)))
     samples.clear()
     assert probes.table_probe(job(), SQUARE, 3) is None
-
-
-def test_places_are_random_and_initial_conditions_in_order():
-    places = places_in(SQUARE, 3)
-    assert places.shape == (4096, 2) and np.abs(places).max() <= 1.0
-    assert np.array_equal(places, places_in(SQUARE, 3)) and not np.array_equal(places, places_in(SQUARE, 4))
-    few = some_initial_conditions(CellGrid((0.0,), (1.0,), (10,)), 20)
-    assert few.ravel() == pytest.approx(np.arange(0.05, 1.0, 0.1))
-    some = some_initial_conditions(CellGrid((0.0,), (1.0,), (100,)), 20).ravel()
-    assert len(some) == 20 and (np.diff(some) > 0.0).all()

@@ -121,31 +121,6 @@ def test_two_chenciner_bifurcations_within_a_step(apart):
     np.testing.assert_allclose(sorted(p.values[1] for p in points), [0.013 - apart, 0.013 + apart], atol=1e-11)
 
 
-@pytest.mark.thorough
-def test_fold_and_flip_with_neimark_sacker():
-    # u = sqrt(q) has the multiplier 1 - 2 u, and the plane 1 + p + u/2: p = -u/2 on the curve.  The coefficient is
-    # -1 + 0.3/(4 u), zero at u = 0.075.
-    def fold_and_pair(x, p):
-        r, u = x[0] ** 2 + x[1] ** 2, x[2]
-        return *rotated(x, 1 + p.p + 0.5 * u - r), u + p.q - u * u + 0.3 * r
-
-    exact = of_two(fold_and_pair, -0.4, 0.25, "x", "y", "u")
-    curve = curve_over_both(exact, [0.0, 0.0, 0.5], NEIMARK_SACKER, ((-1.0, 0.5), (-0.5, 1.5)))
-    expected = {
-        POINT.FOLD_NEIMARK_SACKER: (0.0, 0.0),
-        POINT.CHENCINER: (-0.0375, 0.005625),
-        POINT.FLIP_NEIMARK_SACKER: (-0.5, 1.0),
-    }
-    assert {p.kind for p in curve.codimension_two()} == set(expected)
-    for point in curve.codimension_two():
-        np.testing.assert_allclose(point.values, expected[point.kind], atol=1e-10)
-    folds = switch_curve(curve, only(curve, POINT.FOLD_NEIMARK_SACKER), (-1.0, 0.5), (-0.5, 1.5), step=0.1)
-    np.testing.assert_allclose(folds.values[:, 1], 0.0, atol=1e-11)
-    assert [p.kind for p in folds.codimension_two()] == [POINT.FOLD_NEIMARK_SACKER]
-    flips = switch_curve(curve, only(curve, POINT.FLIP_NEIMARK_SACKER), (-1.0, 0.5), (-0.5, 1.5), step=0.1)
-    np.testing.assert_allclose(flips.values[:, 1], 1.0, atol=1e-11)
-
-
 def test_points_are_computed_once_and_in_parts_that_can_be_stopped():
     exact = of_two(lambda x, p: (x[0] + p.p + p.q * x[0] - x[0] ** 3,), 0.0, 0.7, "x")
     curve = curve_over_both(exact, [sqrt(0.7)], FOLD)

@@ -7,7 +7,7 @@ import pytest
 from branch_kinds import DOUBLING, FOLD, LEFT, PITCHFORK, TRANSCRITICAL, kinds, values
 from cases import branch_at_rest, branch_of, thorough
 
-from cellmap import discrete_map, find_attractors, periodic_orbit, set_threads
+from cellmap import discrete_map, periodic_orbit, set_threads
 from cellmap.bifurcations import continue_bifurcation, critical_values, period_doubling_cascade, switch_branch
 from systems import driven_pendulum, henon_map, logistic_map
 
@@ -119,18 +119,6 @@ def test_rotations_are_born_in_a_fold(pendulum, sign):
     assert (saddle.name, focus.name) == ("saddle", "stable focus")
     known = [sign * 2.520339579944, sign * 1.019933227842]
     np.testing.assert_allclose(focus.points[0] / [1.0, 100 * pi], known, rtol=1e-10)
-
-
-@pytest.mark.thorough
-def test_symmetric_orbits_lose_their_symmetry_before_they_double(pendulum):
-    cascade = period_doubling_cascade(pendulum, periodic_orbit(pendulum, [0.1, 0.0]), "amplitude", 0.016, doublings=4)
-    assert [b.kind for b in cascade.bifurcations] == [DOUBLING, PITCHFORK, DOUBLING, DOUBLING, DOUBLING]
-    assert 1e3 * cascade.values[0] == pytest.approx(12.210173235, abs=1e-9)
-    # What the branches say is what orbits do: a little before the last doubling the attractor has half its period.
-    value = float(cascade.values[2] + 0.3 * (cascade.values[3] - cascade.values[2]))
-    (orbit,) = cascade.branches[-1].orbits_at(value)
-    attractors = find_attractors(pendulum.with_params(amplitude=value), orbit.points[:1] + np.array([1e-6, 0.0]))
-    assert attractors[0].period == cascade.periods[2] == 8
 
 
 def test_threads_change_no_bit(pendulum):

@@ -170,16 +170,6 @@ def test_same_bits_for_any_number_of_threads(follow):
         assert (getattr(one, name) == getattr(three, name)).all()
 
 
-def test_batches_do_not_mix():
-    """More lanes than a slice holds: every value alone gives the same."""
-    values = np.linspace(3.4, 4.0, 1500)
-    together = bifurcation_diagram(LOGISTIC, "mu", values, [0.3], "none", 20, 20, 4)
-    for k in (0, 700, 1499):
-        alone = bifurcation_diagram(LOGISTIC, "mu", [values[k]], [0.3], "none", 20, 20, 4)
-        assert (alone.points[0, 0] == together.points[0, k]).all()
-        assert alone.exponents[0, 0, 0] == pytest.approx(together.exponents[0, k, 0], abs=1e-13)
-
-
 # --- figures
 
 

@@ -1,7 +1,7 @@
 """Second and third derivatives of maps against closed forms, in natural sizes, by formulas and by differences."""
 
 from dataclasses import replace
-from math import comb, cos, exp, pi, sin
+from math import comb, cos, pi, sin
 
 import numpy as np
 import pytest
@@ -140,15 +140,6 @@ def test_parts_of_a_period_make_up_the_whole(count, swept):
         product = matrices[0][:2, :2] @ product
     np.testing.assert_allclose(product, rotation(2 * pi), atol=1e-7)
     np.testing.assert_allclose(state[0, :2], rotation(2 * pi) @ [0.4, -0.1], atol=1e-7)
-
-
-def test_parts_have_their_own_times():
-    """v' = cos t: over the second quarter from the phase 0, v changes by sin(pi) - sin(pi/2) = -1."""
-    driven = ForcedSystem(lambda t, x, p: (-x[0], cos(t)), {}, 2 * pi, ("q", "v"))
-    parts = stroboscopic_map(driven).spec.parts(4)
-    changes = [float(part(np.array([[1.0, 0.0]]))[0][0, 1]) for part in parts]
-    assert changes == pytest.approx([1.0, -1.0, -1.0, 1.0], abs=1e-8)
-    assert float(parts[0](np.array([[1.0, 0.0]]))[0][0, 0]) == pytest.approx(exp(-pi / 2), abs=1e-9)
 
 
 def test_a_step_of_a_discrete_map_has_one_part():

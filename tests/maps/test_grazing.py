@@ -4,7 +4,6 @@ from math import cos, pi, sin, sqrt
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from test_impacts import STRUCK
 from two_tiers import at_once
@@ -134,32 +133,6 @@ def test_a_branch_ends_where_its_orbit_loses_contact_and_where_an_impact_comes_t
     assert branch.values[0] == pytest.approx(abs(STIFFNESS), rel=1e-8)
     assert branch.points[-1, 0] == pytest.approx(1.0, abs=1e-7)
     assert 0.52 < branch.bifurcations[0].value < 0.53
-
-
-def test_an_orbit_with_a_deep_impact_ends_where_it_comes_to_the_wall_once_more():
-    """Between its impacts the orbit at the end turns round at the wall, by SciPy's events at 1e-12."""
-    system = struck(AT_ONE)
-    exact = stroboscopic_map(system, rtol=1e-11, atol=1e-11).with_params(F=1.2)
-    branch = continue_orbit(
-        exact, periodic_orbit(exact, exact.iterate([0.2, 0.3], 400).points), "F", 0.5, 1.5, step=0.1
-    )
-    assert branch.ends == ("grazing", "left the interval")
-    moved = system.with_params(F=branch.values[0])
-
-    def deep(t, x):
-        return 1.0 - x[0] if x[1] > 0.1 else 1.0
-
-    def turns(t, x):
-        return x[1]
-
-    deep.terminal, turns.direction = True, -1
-    t, x, reached = 0.0, branch.points[0], []
-    while t < moved.length:
-        part = solve_ivp(moved.fun, (t, moved.length), x, "DOP853", events=(deep, turns), rtol=1e-12, atol=1e-13)
-        t, x = part.t[-1], part.y[:, -1] * ((1.0, -0.8) if part.status else (1.0, 1.0))
-        reached.extend(part.y_events[1])
-    assert x == pytest.approx(branch.points[0], abs=1e-7)
-    assert max(reached, key=lambda state: state[0]) == pytest.approx([1.0, 0.0], abs=1e-8)
 
 
 @pytest.mark.thorough

@@ -44,17 +44,6 @@ def test_order_of_convergence(name, order):
 
 
 @pytest.mark.parametrize("order", ORDERS)
-def test_ends_of_an_interval_are_as_accurate_as_its_middle(order):
-    """A displacement whose derivatives are the same everywhere in size: sin x over many turns."""
-    exact = discrete_map(lambda x, p: (x[0] + sin(x[0]),), {}, ("x",))
-    icm = interpolated_map(exact, CellGrid((0.0,), (20 * pi,), (400,)), order, tolerance=COARSE)
-    places = np.linspace(0.0, 20 * pi, 40_001)[:, None]
-    error = errors_at(icm, places)
-    at_the_ends = max(error[:400].max(), error[-400:].max())  # four cells at each end
-    assert at_the_ends <= 1.5 * error[4000:-4000].max()
-
-
-@pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("lower", [-pi, 0.0, 1.0, -2.5])
 def test_branch_cut_is_as_accurate_as_the_rest_of_the_circle(order, lower):
     exact = discrete_map(lambda x, p: (x[0] + 2.0 + sin(12 * x[0]),), {}, (angle("a"),))

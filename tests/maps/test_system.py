@@ -62,12 +62,6 @@ def test_an_angle_must_be_one() -> None:
         system(rhs=rhs, coordinates=(angle("theta", period=180.0), "v"))
 
 
-def test_a_period_that_follows_a_parameter() -> None:
-    one = system(period=lambda p: 2 * pi / p.omega)
-    assert one.length == pi
-    assert one.with_params(omega=4.0).length == pi / 2
-
-
 def test_functions_of_many_kinds() -> None:
     class Duffing:
         def __call__(self, t: float, x: Any, p: Any) -> tuple[float, float]:

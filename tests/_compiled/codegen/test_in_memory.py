@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cellmap import ForcedSystem, stroboscopic_map
 from cellmap._compiled.codegen.derivative import jet_trace
 from cellmap._compiled.codegen.in_memory import compiled_in_memory, text_in_memory
 from cellmap._compiled.codegen.kernel import traced_function
@@ -16,7 +15,6 @@ from cellmap._compiled.codegen.runge_kutta import Tableau, traced_steps
 from cellmap._compiled.codegen.tableaus import dop853, rk45
 from cellmap._compiled.codegen.trace import Trace
 from cellmap._compiled.kernels.blocks import LANES
-from cellmap.maps import jacobian
 
 
 def swing(machines: int) -> Any:
@@ -107,14 +105,3 @@ def test_states_that_are_not_finite_do_not_hold_up_the_others() -> None:
     advance(x[1:], np.array([10**7]), 0.0, 2 * pi, VALUES, errors)
     assert np.isnan(x[0, :, 5]).all() and not np.isfinite(x[1]).any()
     assert (x[0, :, 6] == x[0, :, 0]).all() and np.isfinite(x[0, :, 6]).all()
-
-
-def test_large_systems_have_derivatives() -> None:
-    """Of 18 states, against central differences."""
-    system = ForcedSystem(
-        swing(9), dict(zip(NAMES, VALUES.tolist(), strict=True)), 2 * pi, [f"x{i}" for i in range(18)]
-    )
-    exact = stroboscopic_map(system)
-    point, step = np.linspace(-0.3, 0.3, 18), 1e-5 * np.linspace(1.0, -1.0, 18)
-    difference = exact(point + step) - exact(point - step)
-    np.testing.assert_allclose(2.0 * jacobian(exact, point) @ step, difference, atol=1e-11)

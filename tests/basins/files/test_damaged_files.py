@@ -91,7 +91,9 @@ def test_damage_is_an_error_that_names_the_file_or_changes_nothing(count, files,
     assert refused > 0.6 * count, "what is not refused has hit tiles that are done again"
 
 
-@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize(
+    "name", [n if n in ("picture", "table") else pytest.param(n, marks=pytest.mark.thorough) for n in READERS]
+)
 def test_every_sector_counts(name, files, tmp_path):
     """Each sector outside the arrays, zeroed, is noticed before HDF5 sees it."""
     whole, path = (files / f"{name}.h5").read_bytes(), tmp_path / "damaged.h5"
