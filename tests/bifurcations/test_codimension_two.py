@@ -121,6 +121,12 @@ def test_two_chenciner_bifurcations_within_a_step(apart):
     np.testing.assert_allclose(sorted(p.values[1] for p in points), [0.013 - apart, 0.013 + apart], atol=1e-11)
 
 
+def test_a_neutral_saddle_beside_a_fold_is_no_point():
+    # The multipliers 2 and 1/2 + q/5 have the product 1 at q = 0.
+    saddle = of_two(lambda x, p: (x[0] + p.p - x[0] ** 2, 2.0 * x[1], (0.5 + 0.2 * p.q) * x[2]), 0.25, 0.3, *"xyz")
+    assert curve_over_both(saddle, [0.5, 0.0, 0.0], FOLD).codimension_two() == ()
+
+
 def test_points_are_computed_once_and_in_parts_that_can_be_stopped():
     exact = of_two(lambda x, p: (x[0] + p.p + p.q * x[0] - x[0] ** 3,), 0.0, 0.7, "x")
     curve = curve_over_both(exact, [sqrt(0.7)], FOLD)

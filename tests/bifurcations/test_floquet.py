@@ -1,13 +1,13 @@
 """Multipliers, critical values and maps of stability of equilibria."""
 
-from math import exp, pi
+from math import exp, pi, sin
 
 import numpy as np
 import pytest
 from cases import HANGING, INVERTED, mathieu
 from scipy.special import mathieu_a, mathieu_b
 
-from cellmap import Status, set_threads, stability_map
+from cellmap import ForcedSystem, Status, set_threads, stability_map
 from cellmap.bifurcations import Crossing, critical_values, floquet_multipliers
 from systems import double_pendulum, driven_pendulum
 
@@ -134,3 +134,10 @@ def test_shapes_and_points_without_a_matrix():
     assert (result.status == [Status.OK, Status.DIVERGED]).all()
     assert np.isnan(result.multipliers[:, 1]).all()
     assert (result.unstable[:, 1] == -1).all()
+
+
+def test_two_real_multipliers_that_cross_together_are_no_pair():
+    system = ForcedSystem(lambda t, x, p: (p.q * x[0], (p.q + 0.1 * sin(t)) * x[1]), {"q": 0.1}, 2 * pi, ("x", "y"))
+    (lost,) = critical_values(system, [0.0, 0.0], "q", -0.13, 0.2)
+    assert lost.value == pytest.approx(0.0, abs=1e-11)
+    assert (lost.crossing, lost.below, lost.above) == (Crossing.PLUS_ONE, 0, 2)
