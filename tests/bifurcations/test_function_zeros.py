@@ -178,29 +178,5 @@ def test_functions_that_are_zero_on_a_stretch_are_said_so_once(parabola):
     np.testing.assert_allclose([z.point[0] for z in found], [-0.5, 0.2], rtol=0, atol=1e-12)
 
 
-@pytest.mark.thorough
-def test_angles_are_continuous_along_a_branch_and_zero_up_to_full_rotations():
-    # The pendulum stands upright: theta - c does not depend on c, and has the mean pi.
-    pendulum = ForcedSystem(
-        lambda t, x, p: (x[1], 4.0 * sin(x[0] - p.c) - 0.5 * x[1] + 0.3 * cos(t)),
-        {"c": -0.3},
-        2.0 * pi,
-        (angle("theta"), "v"),
-    )
-    exact = stroboscopic_map(pendulum)
-    branch = branch_of(exact, [pi - 0.3, 0.0], "c", -0.3, 0.5, step=0.1)
-    np.testing.assert_allclose(branch.measure("theta", "mean") - branch.values, pi, rtol=0, atol=1e-9)
-    assert np.ptp(branch.measure("theta", "maximum") - branch.values) < 1e-8
-    functions = {
-        "mean": OrbitFunction("theta", "mean", value=pi),
-        "more": OrbitFunction("theta", "mean", value=pi + 0.2),
-        "first": OrbitFunction("theta", value=pi),
-        "none": OrbitFunction("theta", "mean", extremum=True),
-    }
-    found = {z.name: z.value for z in branch.with_zeros(functions).zeros}
-    first = -0.3 + pi - branch.points[0, 0]
-    assert found == pytest.approx({"mean": 0.0, "more": 0.2, "first": first}, abs=1e-9)
-
-
 def test_coordinates_have_numbers(parabola):
     np.testing.assert_array_equal(parabola.measure(np.int64(0)), parabola.measure(0))

@@ -1,7 +1,6 @@
 """Enclosures of flows over boxes: points of boxes in extended precision, failures, steps, intervals of parameters."""
 
 import math
-import random
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -9,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from enclosure_witnesses import LONG, extrapolated
-from test_enclosures import formula
 from two_tiers import at_once
 
 from cellmap import ForcedSystem, PointMap, set_threads, stroboscopic_map
@@ -111,20 +109,6 @@ def test_points_of_boxes_in_extended_precision(name: str, monkeypatch: pytest.Mo
     forms = enclosed_images(flow_of(TEXTS[name]), centres, halves)
     assert forms.proved.mean() > 0.95
     assert 0.0 < worst_of(forms, TEXTS[name], centres, halves, rng, PARAMETERS) < 1.0
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("seed", [0, 2])
-def test_points_of_boxes_in_random_flows(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(enclosed_periods, "_ORDERS", (3,))
-    monkeypatch.setattr(enclosed_periods, "_REMAINDER", 0.5)  # so that what series leave out is most of a radius
-    rng, writer = np.random.default_rng(seed), random.Random(seed)
-    text = f"y - 0.1 * x, tanh({formula(writer, 2)} + {formula(writer, 2)}) - 0.3 * y + cos(t * 1.25)"
-    centres, halves = boxes(rng, 40)
-    with np.errstate(all="ignore"):
-        forms = enclosed_images(flow_of(text), centres, halves)
-        assert worst_of(forms, text, centres, halves, rng, PARAMETERS) <= 1.0, text
-    assert forms.proved.any(), text
 
 
 def test_failures_are_statuses() -> None:

@@ -133,20 +133,6 @@ def test_derivative_is_that_of_differences(system, place, error):
     assert jacobian(exact, place) == pytest.approx(differences, abs=error)
 
 
-@pytest.mark.thorough
-def test_campaign_of_impact_oscillators():
-    """Random parameters and initial conditions against SciPy: no OK with an error above ten tolerances."""
-    rng = np.random.default_rng(2)
-    for _ in range(300):
-        system = STRUCK.with_params(
-            damping=rng.uniform(0, 0.2), force=rng.uniform(0.2, 2), omega=rng.uniform(0.4, 3), e=rng.uniform(0.3, 1)
-        )
-        place = (rng.uniform(-1.5, 0.45), rng.uniform(-2, 2))
-        found, witness = stroboscopic_map(system, rtol=1e-8, atol=1e-8).iterate(place, 1), by_scipy(system, place)
-        if witness is not None and found.status == Status.OK:
-            assert found.points == pytest.approx(witness, abs=1e-7)
-
-
 @pytest.mark.parametrize("shift", [0.0, 1.0])
 def test_kicked_rotor_is_the_standard_map(shift):
     """Also with the kick at the sampling time itself, once a period and no more."""
