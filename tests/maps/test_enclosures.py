@@ -212,7 +212,7 @@ def test_the_witness_encloses_all_functions_and_their_series(flow: bool, monkeyp
     exec(f"def f(x):\n    return {ALL_FUNCTIONS}\n", names)
     of = names["f"]
     if flow:
-        monkeypatch.setattr(interval_witness, "_STEPS", (2,))
+        monkeypatch.setattr(interval_witness, "_STEPS", (3,))
         system = ForcedSystem(lambda t, x, p: (1.0, of(x[0]) + 0.0 * x[1]), {}, 0.25, ("x", "y"))
         point_map, expected = stroboscopic_map(system), lambda x: primitive(x, 0.25)
     else:
