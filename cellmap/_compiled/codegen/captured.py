@@ -91,7 +91,7 @@ def _values(item: Any, seen: set[int], names: frozenset[str]) -> Iterator[Any]:
     else:
         plain = getattr(item, "py_func", None)
         call = type(item).__call__ if callable(item) else None
-        inner = [plain] if plain is not None else [call, getattr(item, "__dict__", None)]
+        inner = [plain] if plain is not None else [type(item), call, getattr(item, "__dict__", None)]
     for part in inner:
         yield from _values(part, seen, names)
 

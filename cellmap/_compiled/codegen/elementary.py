@@ -12,7 +12,6 @@ import numpy as np
 from ..._lib.checks import warn_caller
 from .expression import Comparison, Expression, operation_on_numbers
 from .functions import TABLE
-from .tables import interpolated
 
 _OF_ANY_NUMBER = {"min", "max", "hypot"}
 
@@ -32,37 +31,29 @@ def _elementary(name: str) -> Callable[..., Any]:
         for argument in arguments:
             if isinstance(argument, Expression):
                 return argument.graph.apply(name, *arguments)
-            if _is_vector(argument) and (isinstance(argument, np.ndarray) or name not in _OF_ANY_NUMBER):
+            if isinstance(argument, np.ndarray) and argument.ndim > 0 and name not in _OF_ANY_NUMBER:
                 return np.vectorize(function, otypes=[object])(*arguments)
         return operation_on_numbers(name)(*arguments)
 
     return function
 
 
-def _is_vector(argument: Any) -> bool:
-    """Whether NumPy's functions take an argument by its entries: those of math do not, and have failed on numbers."""
-    return isinstance(argument, tuple | list) or (isinstance(argument, np.ndarray) and argument.ndim > 0)
-
-
 _KNOWN = {name: _elementary(name) for name in TABLE}
 
 
-def _where(condition: Any, a: Any, b: Any) -> Any:
+def where(condition: Any, a: Any, b: Any) -> Any:
+    """Return a where a condition holds, else b."""
     return condition.choose(a, b) if isinstance(condition, Comparison) else a if condition else b
 
 
-def _norm(vector: Any) -> Any:
-    return _KNOWN["sqrt"](sum(v * v for v in vector))
+def clip(value: Any, low: Any = None, high: Any = None) -> Any:
+    """Return a number between two others, either of which may be none."""
+    raised = value if low is None else _KNOWN["maximum"](value, low)
+    return raised if high is None else _KNOWN["minimum"](raised, high)
 
 
-def _select(conditions: Any, choices: Any, default: Any = 0.0) -> Any:
-    chosen = default
-    for condition, choice in reversed(list(zip(conditions, choices, strict=True))):
-        chosen = _where(condition, choice, chosen)
-    return chosen
-
-
-def _nearest(value: Any, digits: int = 0) -> Any:
+def nearest(value: Any, digits: int = 0) -> Any:
+    """Return the nearest number of so many digits after the point."""
     if not isinstance(value, Expression):
         return round(value, digits) if digits else round(value)
     scale = 10.0**digits
@@ -71,7 +62,7 @@ def _nearest(value: Any, digits: int = 0) -> Any:
         return _KNOWN["floor"](scaled + 0.5) / scale
     whole = _KNOWN["floor"](scaled)
     part = scaled - whole
-    return (whole + _where(part > 0.5, 1.0, _where(part < 0.5, 0.0, whole % 2.0))) / scale
+    return (whole + where(part > 0.5, 1.0, where(part < 0.5, 0.0, whole % 2.0))) / scale
 
 
 def _printed(*_: Any, **__: Any) -> None:
@@ -82,21 +73,15 @@ def _printed(*_: Any, **__: Any) -> None:
 
 
 _COMPOSED: dict[str, Callable[..., Any]] = {
-    "where": _where,
-    "norm": _norm,
-    "select": _select,
-    "round": _nearest,
-    "interp": interpolated,
+    "round": nearest,
     "print": _printed,
     "fsum": sum,
     "pow": lambda base, exponent: base**exponent,
-    "clip": lambda value, low, high: _KNOWN["minimum"](_KNOWN["maximum"](value, low), high),
-    "polyval": lambda coefficients, value: functools.reduce(lambda s, c: s * value + c, coefficients, 0.0),
     "logaddexp": lambda a, b: _KNOWN["maximum"](a, b) + _KNOWN["log1p"](_KNOWN["exp"](-_KNOWN["fabs"](a - b))),
     "degrees": lambda angle: angle * (180.0 / math.pi),
     "radians": lambda angle: angle * (math.pi / 180.0),
-    "signbit": lambda value: _where(_KNOWN["copysign"](1.0, value) < 0.0, 1.0, 0.0),
-    "dist": lambda a, b: _norm([u - v for u, v in zip(a, b, strict=True)]),
+    "signbit": lambda value: where(_KNOWN["copysign"](1.0, value) < 0.0, 1.0, 0.0),
+    "dist": lambda a, b: _KNOWN["sqrt"](sum((u - v) * (u - v) for u, v in zip(a, b, strict=True))),
 }
 """Functions that are written with elementary ones."""
 

@@ -89,6 +89,15 @@ def _operator(operation: str, swapped: bool = False) -> Callable[..., Any]:
     return apply
 
 
+def _refusing(what: str) -> Callable[..., Any]:
+    """Return a method of an expression that no formula has."""
+
+    def refuse(self: Any, *_: object) -> Any:
+        raise UntraceableError(f"the value of a state variable, of time or of a parameter {what}")
+
+    return refuse
+
+
 class Expression:
     """One node: an operation on other nodes, an input (state, time, parameter) or a constant."""
 
@@ -109,15 +118,28 @@ class Expression:
         return self.operation
 
     @property
+    def real(self) -> Expression:
+        """The number: it is real."""
+        return self
+
+    @property
+    def imag(self) -> Expression:
+        """Nought."""
+        return self.graph.constant(0.0)
+
+    def conjugate(self) -> Expression:
+        """Return the number."""
+        return self
+
+    @property
     def vanishes(self) -> bool:
         """Whether it is the constant zero."""
         return bool(self.operation == "constant" and self.value == 0.0)
 
-    def _refuse(self, *_: object) -> Any:
-        raise UntraceableError("the value of a state variable, of time or of a parameter decides a branch")
-
-    __bool__ = __float__ = __int__ = __index__ = __iter__ = __len__ = _refuse
-    __eq__ = __ne__ = _refuse
+    __bool__ = __eq__ = __ne__ = _refusing("decides a branch")
+    __float__ = _refusing("goes to a function that takes plain floats, which has no formula here")
+    __int__ = __index__ = _refusing("counts: it is an index, the length of a loop, or goes to an array of integers")
+    __iter__ = __len__ = _refusing("is taken for several")
     __hash__ = object.__hash__
 
     def __gt__(self, other: Any) -> Any:
@@ -158,6 +180,19 @@ class Expression:
 
     def __rpow__(self, other: Any) -> Expression:
         return self.graph.power(self.graph.lift(other), self)
+
+    __array_ufunc__: Callable[..., Any]  # of the module that knows arrays
+
+
+def _by_entries(method: Callable[..., Any]) -> Callable[..., Any]:
+    """Leave operations with arrays to these."""
+    return lambda self, *others: (
+        NotImplemented if any(isinstance(o, np.ndarray) for o in others) else method(self, *others)
+    )
+
+
+for _name in "add radd sub rsub mul rmul truediv rtruediv mod rmod floordiv rfloordiv pow rpow gt ge lt le".split():
+    setattr(Expression, f"__{_name}__", _by_entries(getattr(Expression, f"__{_name}__")))
 
 
 class Comparison:
@@ -297,6 +332,8 @@ class Graph:
             return value
         if isinstance(value, Comparison):
             return value.number()
+        if isinstance(value, np.ndarray) and value.ndim == 0:
+            return self.lift(value.item())
         try:
             return self.constant(value)
         except (TypeError, ValueError) as error:

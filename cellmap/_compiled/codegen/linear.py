@@ -17,6 +17,7 @@ from math import cos, sin, ulp
 from typing import Any
 
 from ..._lib.arrays import Floats
+from .arrays import in_a_trace
 from .captured import kept
 from .derivative import along
 from .elementary import elementary_functions
@@ -65,7 +66,7 @@ def linear_kernel(
         length = graph.node("parameter", value=len(names))
         if period is not None:
             record = parameter_record(names)(*traced.parameters)
-            length = graph.lift(rebind(period, elementary_functions())(record))
+            length = graph.lift(rebind(period, elementary_functions(), inside=in_a_trace)(record))
         directions = tuple(graph.node("state", value=d + j) for j in range(d))
         slopes = along(graph, traced.outputs, dict(zip(traced.states, directions, strict=True)))
         one = graph.constant(1.0)

@@ -6,6 +6,7 @@ import builtins
 import dis
 import functools
 import math
+import sys
 import types
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -34,9 +35,7 @@ def _canonical_names() -> dict[Any, str]:
     names[np.abs] = names[abs] = "fabs"
     names[min], names[max] = "min", "max"
     names[np.power] = names[pow] = "pow"
-    names[np.clip], names[np.where], names[float], names[int] = "clip", "where", "float", "int"
-    names[np.select], names[np.linalg.norm], names[print] = "select", "norm", "print"
-    names[np.interp], names[np.polyval] = "interp", "polyval"
+    names[float], names[np.float64], names[int], names[print] = "float", "float", "int", "print"
     names[round] = names[np.round] = names[np.rint] = "round"
     return names
 
@@ -64,25 +63,53 @@ def rebind(
     function: Callable[..., Any],
     table: Mapping[str, Any],
     finish: Callable[[Callable[..., Any]], Callable[..., Any]] = lambda f: f,
+    inside: Callable[[Any], Any] | None = None,
 ) -> Callable[..., Any]:
     """Copy a function, and the plain functions it calls, so that elementary functions come from `table`.
 
     `table` maps names of :mod:`math` (NumPy's and the built-ins' synonyms included) to replacements.  `finish` is
-    applied to each copied function, innermost first; a compiler goes here.  The original is left as it is.
+    applied to each copied function, innermost first; a compiler goes here.  The original is left as it is.  With
+    `inside` modules, methods and objects are copied as well, and what it returns of a value, if that is another one,
+    stands for it.
     """
     done: dict[int, Any] = {}
+    alive: list[Any] = []
 
     def substitute(value: Any) -> Any:
         if isinstance(value, types.ModuleType):
-            return _Namespace(value, substitute) if value.__name__ in {"math", "numpy", "numpy.linalg"} else value
+            known = inside is not None or value.__name__ in {"math", "numpy", "numpy.linalg"}
+            return _Namespace(value, substitute) if known else value
+        if inside is not None and (found := inside(value)) is not value:
+            return found
         try:
             name = CANONICAL_NAMES.get(value)
         except TypeError:
-            return value
+            name = None
         if name is not None:
             return table.get(name, value)
         plain = getattr(value, "py_func", value)
-        return copy(plain) if isinstance(plain, types.FunctionType) else value
+        if isinstance(plain, types.FunctionType):
+            return copy(plain)
+        return value if inside is None else copied_object(value)
+
+    def copied_object(value: Any) -> Any:
+        if id(value) in done:
+            return done[id(value)]
+        if isinstance(value, types.MethodType):
+            return functools.partial(substitute(value.__func__), substitute(value.__self__))
+        if isinstance(value, functools.partial):
+            given = {name: substitute(v) for name, v in value.keywords.items()}
+            return functools.partial(substitute(value.func), *map(substitute, value.args), **given)
+        if type(value) in {list, tuple}:
+            return type(value)(map(substitute, value))
+        if type(value) is dict:
+            return {key: substitute(v) for key, v in value.items()}
+        if isinstance(value, functools._lru_cache_wrapper):
+            return substitute(value.__wrapped__)
+        twin = value if type(value).__module__.partition(".")[0] in _LIBRARIES else _twin(value, substitute, done)
+        done[id(value)] = done[id(twin)] = twin
+        alive.append(value)  # lest another object gets its number
+        return twin
 
     def copy(f: types.FunctionType) -> Any:
         if id(f) in done:
@@ -108,7 +135,42 @@ def rebind(
                 cell.cell_contents = finished
         return finished
 
-    return _rebind_callable(getattr(function, "py_func", function), copy)
+    return substitute(function) if inside else _rebind_callable(getattr(function, "py_func", function), copy)
+
+
+_LIBRARIES = sys.stdlib_module_names | {"numpy", "scipy", "numba", "cellmap"}
+"""Packages whose objects are not copied."""
+
+
+def _twin(value: Any, substitute: Callable[[Any], Any], done: dict[int, Any]) -> Any:
+    """Return a copy of an object whose methods are copies, and whose attributes are substituted when they are read.
+
+    An object that cannot be copied is returned as it is.
+    """
+    kind: Any = type(value)
+    kinds = [base for base in reversed(kind.__mro__) if base.__module__.partition(".")[0] not in _LIBRARIES]
+
+    def read(self: Any, name: str) -> Any:
+        found = kind.__getattribute__(self, name)
+        return found if getattr(found, "__self__", None) is self else substitute(found)
+
+    try:
+        copied = type(kind)(kind.__name__, (kind,), {"__slots__": (), "__getattribute__": read})
+        twin = object.__new__(copied)
+        state = object.__getstate__(value)  # of attributes, or of these and of slots
+        for part in state if isinstance(state, tuple) else (state,):
+            for name, attribute in (part or {}).items():
+                object.__setattr__(twin, name, attribute)
+        done[id(value)] = done[id(twin)] = twin
+        for base in kinds:
+            for name, attribute in vars(base).items():
+                if isinstance(attribute, types.FunctionType) and name not in {"__new__", "__getattribute__"}:
+                    setattr(copied, name, substitute(attribute))
+                elif read_by := getattr(attribute, "fget", None) or getattr(attribute, "func", None):  # a property
+                    setattr(copied, name, property(substitute(read_by)))
+    except TypeError:
+        return value
+    return twin
 
 
 def uses_numpy(item: Any, seen: set[int] | None = None) -> bool:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from .arrays import in_a_trace
 from .branches import BranchingGraph
 from .elementary import elementary_functions
 from .evaluation import evaluated
@@ -72,7 +73,7 @@ class Trace:
 
         def run() -> Sequence[Any]:
             try:
-                twin = rebind(function, elementary_functions())
+                twin = rebind(function, elementary_functions(), inside=in_a_trace)
                 return tuple(self.graph.lift(e) for e in twin(self.time, State(self.states), record, *further))
             except (ComparisonError, StateChangedError, TableError, UntraceableError):
                 raise

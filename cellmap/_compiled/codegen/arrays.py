@@ -1,0 +1,286 @@
+"""Arrays in a traced function: NumPy's functions over numbers and expressions.
+
+In a traced function all arrays of floats are :class:`TracedArray`, whatever makes them: entries are numbers, and become
+expressions where these are assigned.  Its entries go through NumPy's own machinery, one by one, where this has loops
+for objects; elementary functions are those of expressions, and what LAPACK computes is written out.
+"""
+
+from __future__ import annotations
+
+import functools
+import types
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from .elementary import clip, elementary_functions, nearest, where
+from .expression import Answer, Comparison, ComparisonError, Expression, UntraceableError
+from .rebind import CANONICAL_NAMES
+from .tables import TableError, interpolated
+
+LARGEST_MATRIX = 6
+"""Of a system of linear equations that is solved by formulas, of which there are twice as many for each row more."""
+
+_FLOATS = ("d", "f8", "float", "float64", np.dtype(float))
+_FUNCTIONS = (np.ufunc, types.FunctionType, types.BuiltinFunctionType, type(np.concatenate))
+
+
+class TracedArray(np.ndarray[Any, Any]):
+    """Array of numbers and expressions."""
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        """Apply a function to all entries."""
+        return applied(ufunc, inputs, options, method)
+
+    def __array_function__(self, function: Any, kinds: Any, arguments: Any, options: Any) -> Any:
+        """Apply a function to the array."""
+        return applied(function, arguments, options)
+
+    def astype(self, dtype: Any, *further: Any, **options: Any) -> Any:
+        """Return a copy: floats and expressions are of one kind."""
+        return self.copy() if np.dtype(dtype).kind in "fO" else super().astype(dtype, *further, **options)
+
+    def dot(self, b: Any, out: Any = None) -> Any:
+        """Return the product with a vector or a matrix."""
+        return applied(np.dot, (self, b), {"out": out})
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        if isinstance(key, Comparison) or (isinstance(key, np.ndarray) and is_symbolic(key)):
+            key, value = ..., applied(np.where, (key, value, self), {})
+        super().__setitem__(key, value)
+
+
+Expression.__array_ufunc__ = TracedArray.__array_ufunc__
+
+
+def is_symbolic(item: Any) -> bool:
+    """Tell whether there are expressions, or comparisons of them, in a number, an array, a list or a tuple."""
+    if isinstance(item, np.ndarray):
+        return item.dtype == object and any(map(is_symbolic, item.flat))
+    if isinstance(item, list | tuple):
+        return any(map(is_symbolic, item))
+    return isinstance(item, Expression | Comparison | Answer)
+
+
+def in_a_trace(value: Any) -> Any:
+    """Return what a value is to a traced function: arrays of floats, and functions that make them, are other ones."""
+    if isinstance(value, np.ndarray):
+        return _traced(value)
+    of_numpy = isinstance(value, np.ufunc) or (getattr(value, "__module__", None) or "").partition(".")[0] == "numpy"
+    is_function = isinstance(value, _FUNCTIONS) or hasattr(type(value), "makemat")  # of which np.r_ is one
+    return _Function(value) if of_numpy and is_function and CANONICAL_NAMES.get(value) != "print" else value
+
+
+class _Function:
+    """Function of NumPy in a traced function."""
+
+    def __init__(self, function: Any, method: str = "__call__") -> None:
+        self._function, self._method = function, method
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        return applied(self._function, arguments, options, self._method)
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._function, name)
+        return _Function(self._function, name) if callable(found) else found
+
+    def __getitem__(self, key: Any) -> Any:
+        return _traced(self._function[key])
+
+
+def applied(function: Any, arguments: Sequence[Any], options: dict[str, Any], method: str = "__call__") -> Any:
+    """Apply a function of NumPy to numbers and expressions, or a method of one that has several.
+
+    Raises
+    ------
+    UntraceableError
+        Where it has no formula.
+    """
+    symbolic = is_symbolic([*arguments, *options.values()])
+    arguments = [*arguments[:1], *(_kind(a, symbolic) for a in arguments[1:])]
+    options = {name: _kind(value, symbolic) for name, value in options.items()}
+    rule = _RULES.get(function) or elementary_functions().get(CANONICAL_NAMES.get(function, ""))
+    try:
+        if isinstance(function, np.ufunc):
+            if function is not np.matmul or not symbolic:
+                return _ufunc(function, arguments, options, method, symbolic, rule)
+            rule = functools.partial(_product, out=(options.pop("out", None) or (None,))[0])
+        if rule is not None and symbolic:
+            return _traced(rule(*arguments, **options))
+        of_numbers = rule is not None or getattr(function, "__module__", "") == "numpy.linalg"
+        if of_numbers and not symbolic:
+            arguments, options = _numbers(arguments), {name: _numbers(value) for name, value in options.items()}
+        return _traced(getattr(function, "_implementation", function)(*arguments, **options))
+    except (ComparisonError, TableError, UntraceableError):
+        raise
+    except (TypeError, np.linalg.LinAlgError) as error:
+        if not symbolic:
+            raise
+        name = getattr(function, "__qualname__", None) or function.__name__
+        raise UntraceableError(
+            f"NumPy's {name} has no formula for values that depend on x, t or p ({error})"
+        ) from error
+
+
+def _kind(value: Any, symbolic: bool) -> Any:
+    """Return the kind of entries, where a value names that of floats: among them are expressions."""
+    is_float = isinstance(value, type) and issubclass(value, float | np.floating)
+    if is_float or (isinstance(value, str | np.dtype) and value in _FLOATS):
+        return object if symbolic else float
+    return int if isinstance(value, type) and issubclass(value, int) and value is not bool else value
+
+
+def _ufunc(
+    ufunc: np.ufunc,
+    inputs: Sequence[Any],
+    options: dict[str, Any],
+    method: str,
+    symbolic: bool,
+    rule: Callable[..., Any] | None,
+) -> Any:
+    out = options.pop("out", None)
+    places = out if isinstance(out, tuple) else (out,)
+    if not symbolic and method != "at":
+        found = getattr(ufunc, method)(*_numbers(inputs), **options)
+    else:
+        takes_indices = method in {"at", "reduceat"}
+        bare = [v if k == 1 and takes_indices else _objects(v) for k, v in enumerate(inputs)]
+        loop = ufunc if rule is None else np.frompyfunc(rule, ufunc.nin, ufunc.nout)
+        kind = {} if method == "at" else {"dtype": object}  # so that comparisons are kept, not asked
+        found = getattr(loop, method)(*bare, **{**options, **kind})
+    if places[0] is None:
+        return _traced(found)
+    for place, value in zip(places, found if isinstance(found, tuple) else (found,), strict=True):
+        place[...] = value
+    return out if len(places) > 1 else places[0]
+
+
+def _by_entries(rule: Callable[..., Any], count: int | None = None) -> Callable[..., Any]:
+    """Return a function of the entries of several arrays, or of the first so many."""
+
+    def function(*arguments: Any, **options: Any) -> Any:
+        arrays, further = [_objects(a) for a in arguments[:count]], arguments[len(arguments[:count]) :]
+        return np.frompyfunc(lambda *entries: rule(*entries, *further, **options), len(arrays), 1)(*arrays)
+
+    return function
+
+
+def _objects(item: Any) -> Any:
+    """Return an array of expressions and Python's numbers: NumPy's would ask for a function of arrays again."""
+    found = np.asarray(item, dtype=object)
+    for place, entry in np.ndenumerate(found):
+        if isinstance(entry, np.generic):
+            found[place] = entry.item()
+    return found
+
+
+def _traced(found: Any) -> Any:
+    """Return arrays of floats as such of objects."""
+    if isinstance(found, tuple) and type(found) is tuple:
+        return tuple(map(_traced, found))
+    if not isinstance(found, np.ndarray) or isinstance(found, TracedArray) or found.dtype.kind not in "fO":
+        return found
+    return found.astype(object, copy=False).view(TracedArray)
+
+
+def _numbers(item: Any) -> Any:
+    """Return numbers as NumPy has them, where there are no expressions."""
+    if isinstance(item, TracedArray):
+        return (
+            np.array(item.tolist()) if any(isinstance(v, complex) for v in item.flat) else np.array(item, dtype=float)
+        )
+    if type(item) in {list, tuple}:
+        return type(item)(map(_numbers, item))
+    return item
+
+
+def _matrix(a: Any) -> Any:
+    found = np.asarray(a, dtype=object)
+    if found.ndim != 2 or found.shape[0] != found.shape[1] or len(found) > LARGEST_MATRIX:
+        raise UntraceableError(
+            f"a matrix of the shape {found.shape} is solved or inverted: formulas are written for square ones of up "
+            f"to {LARGEST_MATRIX} rows"
+        )
+    return found
+
+
+def _minors(rows: Any) -> Callable[[tuple[int, ...]], Any]:
+    """Return the determinants of the last rows and some columns, each computed once."""
+
+    @functools.cache
+    def minor(columns: tuple[int, ...]) -> Any:
+        if not columns:
+            return 1.0
+        row = rows[-len(columns)]
+        found: Any = 0.0
+        for k, column in enumerate(columns):
+            if not _is_zero(row[column]):
+                term = _TIMES(row[column], minor(columns[:k] + columns[k + 1 :]))
+                found = found - term if k % 2 else found + term
+        return found
+
+    return minor
+
+
+def _solution(a: Any, b: Any) -> Any:
+    """Solve linear equations by Cramer's rule: of its formulas none divides by what may vanish but the determinant."""
+    rows, right = _matrix(a), np.asarray(b, dtype=object)
+    n, columns = len(rows), right.reshape(len(rows), -1)
+    minor = _minors(np.concatenate([rows, columns], axis=1))
+    whole = minor(tuple(range(n)))
+    found = [
+        [(-1.0) ** (n - 1 - j) * minor((*range(j), *range(j + 1, n), n + k)) / whole for k in range(columns.shape[1])]
+        for j in range(n)
+    ]
+    return np.array(found, dtype=object).reshape(right.shape)
+
+
+def _product(a: Any, b: Any, out: Any = None) -> Any:
+    """Multiply vectors or matrices; nothing is left of products with zeros of them."""
+    left, right = _objects(a), _objects(b)
+    if left.ndim not in {1, 2} or right.ndim not in {1, 2}:
+        return np.dot(left, right, out)
+    rows, columns = left.reshape(-1, left.shape[-1], 1), right.reshape(1, len(right), -1)
+    found = np.add.reduce(_TIMES(rows, columns), axis=1).reshape((*left.shape[:-1], *right.shape[1:]))
+    if out is None:
+        return found if found.ndim else found.item()
+    out[...] = found
+    return out
+
+
+def _is_zero(value: Any) -> bool:
+    return not isinstance(value, Comparison) and (value.vanishes if isinstance(value, Expression) else value == 0.0)
+
+
+_TIMES = np.frompyfunc(lambda u, v: 0.0 if _is_zero(u) or _is_zero(v) else u * v, 2, 1)
+
+
+def _norm(vector: Any, ord: Any = None, axis: Any = None, keepdims: bool = False) -> Any:
+    entries = _traced(_objects(vector))
+    if ord not in {None, 2} or (ord == 2 and axis is None and entries.ndim > 1):
+        raise UntraceableError(
+            f"np.linalg.norm with ord={ord!r} has no formula here: that of a vector without ord has one"
+        )
+    return applied(np.sqrt, (np.sum(entries * entries, axis=axis, keepdims=keepdims),), {})
+
+
+def _select(conditions: Any, choices: Any, default: Any = 0.0) -> Any:
+    pairs = reversed(list(zip(conditions, choices, strict=True)))
+    return functools.reduce(lambda chosen, pair: applied(np.where, (*pair, chosen), {}), pairs, default)
+
+
+_RULES: dict[Any, Callable[..., Any]] = {
+    np.where: _by_entries(where),
+    np.clip: _by_entries(clip),
+    np.round: _by_entries(nearest, 1),
+    np.interp: _by_entries(interpolated, 1),
+    np.select: _select,
+    np.linalg.solve: _solution,
+    np.linalg.inv: lambda a: _solution(a, np.eye(len(a))),
+    np.linalg.norm: _norm,
+    np.dot: _product,
+    np.matmul: _product,
+    np.linalg.det: lambda a: _minors(_matrix(a))(tuple(range(len(a)))),
+}
+"""Functions of arrays that are other ones for expressions."""
