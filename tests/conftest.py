@@ -46,8 +46,9 @@ def pytest_configure(config: pytest.Config) -> None:
         folder.chmod(0o700)
         os.environ["CELLMAP_CACHE_DIR"] = str(folder)
     # Thousands of kernels run for a moment each: LLVM need not look for the best order of their instructions, nor for
-    # the best use of registers.  Results have the same bits, for each instruction stays what it is.
-    for option in ("-enable-misched=false", "-regalloc=basic", "-optimize-regalloc"):
+    # the best use of registers, which takes long where there are many.  Results have the same bits, for each
+    # instruction stays what it is.
+    for option in ("-enable-misched=false", "-optimize-regalloc=false"):
         llvm.set_option("", option)
     config.pluginmanager.register(Everywhere())
 
