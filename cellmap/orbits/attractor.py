@@ -14,7 +14,7 @@ import numpy as np
 from .._lib.arrays import Bools, Complexes, Floats, Ints
 from .._lib.computed import computed_once
 from .._lib.records import ShownAsHtml
-from ..maps.coordinates import Coordinate
+from ..maps.coordinates import Coordinate, shortest, turns_of, wrap
 from ..maps.grazing import GRAZING
 from .invariant_circle import InvariantCircle
 from .invariant_torus import InvariantTorus
@@ -93,12 +93,78 @@ class Cover:
         return np.stack([self.boxes.min(axis=0), self.boxes.max(axis=0)])
 
 
+@dataclass(frozen=True, eq=False)
+class InvariantSubspace:
+    """Subspace that the map carries into itself, and that attracts on average where an attractor is in it.
+
+    Parameters
+    ----------
+    normals : ndarray, shape (codimension, dimension)
+        The points x of the subspace have ``normals @ x == offsets``, in reduced echelon form.
+    offsets : ndarray, shape (codimension,)
+        Right-hand sides.
+    sizes : ndarray, shape (codimension,)
+        Size of the region along the leading coordinate of each normal, the unit of distances.
+    depth : float
+        Distance from the subspace within which an orbit counts as converged: one in a thousand comes out again.
+        Infinite for one of a family of parallel subspaces, each of which holds a chaotic set.
+    exponent : float
+        Largest normal Lyapunov exponent per step of the map: the mean growth of displacements from the subspace.
+    """
+
+    normals: Floats
+    offsets: Floats
+    sizes: Floats
+    depth: float = 0.0
+    exponent: float = 0.0
+
+    @property
+    def is_neutral(self) -> bool:
+        """Whether this is one of a family of parallel subspaces with chaotic sets in them."""
+        return self.depth == inf
+
+    @computed_once
+    def pivots(self) -> Ints:
+        """Coordinates along which each normal is 1 and the others are 0."""
+        leading = (self.normals == 1.0) & ((self.normals != 0.0).sum(axis=0) == 1)
+        return np.array([np.flatnonzero(row)[-1] for row in leading])
+
+    def _beyond(self, points: Floats, coordinates: Sequence[Coordinate]) -> Floats:
+        turn = turns_of(coordinates)[1]
+        whole = self.normals == np.round(self.normals)
+        around = (whole & ((turn > 0.0) | (self.normals == 0.0))).all(axis=1)
+        return shortest(points @ self.normals.T - self.offsets, np.where(around, turn[self.pivots], 0.0))
+
+    def distances(self, points: Floats, coordinates: Sequence[Coordinate]) -> Floats:
+        """Return how far points (..., dimension) are beyond the subspace along each leading coordinate."""
+        return self._beyond(points, coordinates) / self.sizes
+
+    def projected(self, points: Floats, coordinates: Sequence[Coordinate]) -> Floats:
+        """Return points (..., dimension) moved into the subspace along the leading coordinates."""
+        moved = points.copy()
+        moved[..., self.pivots] -= self._beyond(points, coordinates)
+        return wrap(moved, coordinates)
+
+    def holds(self, points: Floats, coordinates: Sequence[Coordinate]) -> bool:
+        """Tell whether points (n, dimension) are in the subspace, within 1e-9 of the size of the region."""
+        return bool((np.abs(self.distances(points, coordinates)) <= 1e-9).all())
+
+    def normal_part(self, matrices: Floats) -> Floats:
+        """Return by how much displacements from the subspace grow, of derivatives (..., dimension, dimension)."""
+        return np.asarray((self.normals / self.sizes[:, None]) @ matrices[..., self.pivots] * self.sizes)
+
+
 PARTS: Mapping[str, tuple[Any, Mapping[str, str]]] = {
     "neighbourhood": (Neighbourhood, {"centres": "period d", "metrics": "period d d", "contraction": ""}),
     "cover": (
         Cover,
         {"lower": "d", "widths": "d", "boxes": "boxes d", "residence": ""}
         | dict.fromkeys(("certain", "trapped"), "boxes"),
+    ),
+    "subspace": (
+        InvariantSubspace,
+        {"normals": "codimension d", **dict.fromkeys(("offsets", "sizes"), "codimension")}
+        | dict.fromkeys(("depth", "exponent"), ""),
     ),
     "circle": (
         InvariantCircle,
@@ -164,6 +230,10 @@ class Attractor(ShownAsHtml):
         together.  The attractor is then that of all shifts of its points, one of which is the one given, with a zero
         at one coordinate for each direction; period, rotations and kind are those of what is left without the shifts,
         and there are k multipliers and exponents less.
+    subspace : InvariantSubspace or None
+        Of a chaotic attractor in the sense of Milnor (1985), the invariant subspace that holds it and attracts on
+        average.  Arbitrarily near to it there are orbits that go away; where they come to another attractor, its basin
+        is riddled.  Of a continuum of chaotic sets one of the parallel subspaces.
     """
 
     _made_by: ClassVar = "find_attractors"
@@ -181,6 +251,7 @@ class Attractor(ShownAsHtml):
     grazing_distance: float = inf
     resolution: Floats | None = None
     symmetry: Floats | None = None
+    subspace: InvariantSubspace | None = None
 
     @property
     def grazes(self) -> bool:
@@ -208,7 +279,7 @@ class Attractor(ShownAsHtml):
     def name(self) -> str:
         """Short description, such as ``"rotating, period 1, winding number +1"``."""
         if self.kind is Kind.CHAOTIC:
-            return "chaotic"
+            return "continuum of chaotic sets" if self.subspace is not None and self.subspace.is_neutral else "chaotic"
         if self.kind is Kind.FIXED_POINT:
             return f"fixed point ({_place(self.points[0], self.coordinates)})"
         if self.kind is Kind.EQUILIBRIA:
@@ -233,7 +304,7 @@ class Attractor(ShownAsHtml):
 
     def __repr__(self) -> str:
         if self.kind is Kind.CHAOTIC:
-            return f"Attractor(chaotic, largest exponent {self.exponents[0]:.4g})"
+            return f"Attractor({self.name}, largest exponent {self.exponents[0]:.4g})"
         if self.kind is Kind.QUASIPERIODIC:
             return (
                 f"Attractor({self.name}, largest exponent {self.exponents[0]:.2g}, {self.exponents[-1]:.4g} the least)"
@@ -266,7 +337,7 @@ def _place(point: Floats, coordinates: Sequence[Coordinate], digits: int = 3) ->
             if isclose(c.period, 2 * pi) and half_periods and abs(v - half_periods * pi) < 1e-6:
                 texts.append({1: "π", -1: "-π"}.get(half_periods, f"{half_periods}π"))
                 continue
-        texts.append(f"{v:.{digits}g}" if abs(v) >= 1e-9 else "0")
+        texts.append(f"{v:.{digits}g}" if abs(v) >= 1e-9 or digits > 3 else "0")
     return ", ".join(texts)
 
 

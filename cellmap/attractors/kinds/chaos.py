@@ -15,7 +15,7 @@ from ...maps.coordinates import difference, turns_of
 from ...maps.orbit_batch import Orbits
 from ...maps.paths import path_of
 from ...maps.point_map import PointMap
-from ...orbits.attractor import Attractor, Cover, Kind
+from ...orbits.attractor import Attractor, Cover, InvariantSubspace, Kind
 from ...orbits.invariant_circle import drift
 from ...orbits.newton import resolution
 from ..matching import thinned
@@ -25,6 +25,7 @@ from ..regions.tube import SAMPLED
 from .clouds import Clouds, pieces_of, recurrent_groups
 from .creeping import creeping, orders_of
 from .exponents import AT_LEAST, growth_along, mean_exponents, pooled
+from .invariant_subspaces import attractors_in_subspaces, come_near, invariant_planes, neutral_family
 from .transients import HALF, Late, Reason, follow_on
 
 EXPONENT_PERIODS = 300
@@ -89,7 +90,7 @@ def examine(
     chosen = states[evenly(len(states), ORBITS)]
     reach = np.ones(point_map.dimension) if extent is None else extent
     images = float(max(age * len(states), AT_LEAST))
-    _, reasons = tested(point_map, chosen, reach, EXPONENT_PERIODS)
+    exponents, reasons = tested(point_map, chosen, reach, EXPONENT_PERIODS)
     chaotic, unknown = reasons == Reason.TRANSIENT, np.isin(reasons, _UNKNOWN)
     if not chaotic.any():
         rows = np.flatnonzero(unknown | (reasons == Reason.LATE))
@@ -106,12 +107,21 @@ def examine(
         found_early = _trapped(point_map, chosen, reach, known, late)
         if found_early is not None:
             return Examination((found_early,), ())
+    inside, absorbing = list[Attractor](), list[InvariantSubspace]()
+    if chaotic.any() and point_map.dimension <= SAMPLED:
+        rows = np.flatnonzero(chaotic)
+        inside, owners, coming, absorbing = attractors_in_subspaces(
+            point_map, chosen[rows], exponents[rows], reach, known, images, age
+        )
+        reasons[rows[coming]] = Reason.RIDDLED
+        reasons[rows[owners >= 0]] = None
+        chaotic[rows[coming]] = False
     rows = np.flatnonzero(chaotic | unknown | (reasons == Reason.LATE))
     followed = follow_on(point_map, chosen[rows], chaotic[rows], known, age)
     reasons[rows] = followed.reasons
     rows, orbit = rows[followed.lasting], followed.orbits
     if not len(rows):
-        return Examination((), tuple(map(Reason, reasons)))
+        return _examined(inside, reasons)
     # The exponents of an attractor are those of orbits that have come to it; transients have others.
     exponents, doubts = tested(point_map, orbit.points, reach, _SAMPLE_PERIODS)
     for mine, known_exponents, sign in _sets(
@@ -125,10 +135,14 @@ def examine(
     alive = orbit.alive
     rows, history, exponents = rows[alive], history[:, alive], exponents[alive]
     if not len(rows):
-        return Examination((), tuple(map(Reason, reasons)))
+        return _examined(inside, reasons)
     paths = followed.path[:, lasting][:, alive], followed.transients
-    found, reasons[rows] = _distinguished(point_map, history, exponents, *paths, reach, known, late, images)
-    return Examination(tuple(found), tuple(Reason(r) for r in reasons if r is not None))
+    found, reasons[rows] = _distinguished(point_map, history, exponents, *paths, reach, known, late, images, absorbing)
+    return _examined([*inside, *found], reasons)
+
+
+def _examined(attractors: Sequence[Attractor], reasons: NDArray[Any]) -> Examination:
+    return Examination(tuple(attractors), tuple(Reason(r) for r in reasons if r is not None))
 
 
 def _sets(
@@ -199,14 +213,17 @@ def _distinguished(
     known: Sequence[Attractor],
     late: Late | None,
     images: float = 0.0,
+    absorbing: Sequence[InvariantSubspace] = (),
 ) -> tuple[list[Attractor], NDArray[Any]]:
     """Return the new attractors of chaotic orbits (periods, n, d), and for each orbit (n,) why it is on none, or None.
 
     ``path`` is where the orbits were before, ``transients`` are pieces of others, see :func:`recurrent_groups`.
     """
+    planes = invariant_planes(point_map, history.reshape(-1, point_map.dimension), extent)
     lower, widths = lattice(history.reshape(-1, point_map.dimension), point_map, extent)
-    met = [thinned(a.points, _KNOWN) for a in known if a.kind is Kind.CHAOTIC]
-    clouds = Clouds(point_map, [*history.swapaxes(0, 1), *met], BOXES * widths)
+    lower[planes] = 0.0  # no rounding moves a point to the other side of the edge of a box there
+    met = [thinned(a.points, _KNOWN) for a in known if a.kind is Kind.CHAOTIC and a.cover is not None]
+    clouds = Clouds(point_map, [*history.swapaxes(0, 1), *met], BOXES * widths, planes)
     group, leaves = recurrent_groups(clouds, path, widths, transients)
     fading = None if late is None else _fading(point_map, clouds, group, late, known)
     reasons, groups, found = np.full(history.shape[1], None, object), [], []
@@ -217,13 +234,23 @@ def _distinguished(
             reasons[mine] = Reason.VISITING
         elif leaves[mine].any() or (fading is not None and g in fading):
             reasons[mine] = Reason.TRANSIENT
+        elif come_near(absorbing, history[:, mine], point_map):
+            reasons[mine] = Reason.RIDDLED
         else:
             groups.append(mine)
-    for mine, cover in zip(*_apart(history, groups, lower, widths, point_map, extent), strict=True):
+    family, neutral = np.zeros(history.shape[1], bool), None
+    if groups and point_map.dimension <= SAMPLED:
+        family, neutral = neutral_family(point_map, history, extent)
+        beside = [g for g in groups if family[g].all()]
+        if len(beside) > 1:
+            groups = [g for g in groups if not family[g].all()] + [np.sort(np.concatenate(beside))]
+    for mine, cover in zip(*_apart(history, groups, lower, widths, point_map, extent, planes), strict=True):
         points = history[:, mine].reshape(-1, point_map.dimension)
         spectrum = mean_exponents(point_map, exponents[mine], history[-1, mine], _SAMPLE_PERIODS, extent, images)
         resolved = _resolution(clouds, mine, cover)
-        found.append(aperiodic(Kind.CHAOTIC, points, spectrum, point_map, cover, resolution=resolved))
+        within = neutral if family[mine].all() else None
+        more = {"resolution": resolved, "subspace": within}
+        found.append(aperiodic(Kind.CHAOTIC, points, spectrum, point_map, cover, **more))
     return found, reasons
 
 
@@ -330,17 +357,25 @@ def _few_axes(
 
 
 def _apart(
-    history: Floats, groups: Sequence[Ints], lower: Floats, widths: Floats, point_map: PointMap, extent: Floats
+    history: Floats,
+    groups: Sequence[Ints],
+    lower: Floats,
+    widths: Floats,
+    point_map: PointMap,
+    extent: Floats,
+    planes: Ints,
 ) -> tuple[list[Ints], list[Cover]]:
     """Return groups of orbits with covers so fine that none stays for long in that of another group.
 
-    Groups that no boxes keep apart are one.
+    Groups that no boxes keep apart are one.  Where all orbits of one are on one side of a plane, so are its boxes.
     """
     groups, fineness = list(groups), 1
     lower, widths, cut = _few_axes(history.reshape(-1, point_map.dimension), lower, widths, point_map, extent)
     while True:
         finer = np.where(cut, widths / fineness, widths)
-        covers = [_cover(history[:, g].reshape(-1, point_map.dimension), lower, finer, cut, point_map) for g in groups]
+        covers = [
+            _cover(history[:, g].reshape(-1, point_map.dimension), lower, finer, cut, point_map, planes) for g in groups
+        ]
         pairs = [
             (j, k) for j, k in itertools.permutations(range(len(groups)), 2)
             if _longest_stay(history[:, groups[j]], covers[k], point_map) > RESIDENCE // 2
@@ -366,9 +401,13 @@ def _longest_stay(history: Floats, cover: Cover, point_map: PointMap) -> int:
     return int(longest.max())
 
 
-def _cover(points: Floats, lower: Floats, widths: Floats, cut: Bools, point_map: PointMap) -> Cover:
-    """Boxes of the points and all their neighbours along the axes that are cut."""
+def _cover(points: Floats, lower: Floats, widths: Floats, cut: Bools, point_map: PointMap, planes: Ints) -> Cover:
+    """Boxes of the points and all their neighbours along the axes that are cut, but not beyond invariant planes."""
     visited = distinct_boxes(boxes_of(points, lower, widths, point_map))
     shifts = np.array(list(itertools.product(*[(-1, 0, 1) if c else (0,) for c in cut])))
     around = boxes_around(widths, turns_of(point_map.coordinates)[1])
-    return Cover(lower, widths, moved_boxes(visited, shifts, around))
+    boxes = moved_boxes(visited, shifts, around)
+    for k in planes[cut[planes]]:
+        if (points[:, k] >= 0.0).all() or (points[:, k] <= 0.0).all():
+            boxes = boxes[(boxes[:, k] >= 0) == (points[:, k] > 0.0).any()]
+    return Cover(lower, widths, boxes)

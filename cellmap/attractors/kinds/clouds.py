@@ -21,6 +21,7 @@ _ON = 0.5  # of some points, that are as near to points of a sample as these are
 _SHOWN = 0.95  # of the distances between neighbours in a sample are at most what counts as its resolution
 _RETURNING = 0.9  # of the pieces of orbits, that are on the samples which these orbits make later
 _ASIDE = 0.382  # of a box: rounding must not tell on which side of an edge points are, where the map has its ends
+_GAP = 8.0  # widths of all samples together, between the two sides of an invariant plane
 _PIECE, _EVERY = 16, 2  # points of a piece of an orbit, and periods between them
 
 
@@ -30,12 +31,14 @@ class Clouds:
 
     Nearest neighbours tell samples apart at the distance between the points of them all: of two samples of one set,
     each has as many neighbours in the other as in itself; of two sets that touch, only points where they touch do.
+    Points on the two sides of an invariant plane of some `planes`, coordinates that are zero there, are no neighbours.
     ``group`` numbers the sets of the samples (number,), by this alone.
     """
 
     point_map: PointMap
     samples: Sequence[Floats]
     size: Floats
+    planes: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     group: Ints = field(init=False)
     _tree: Any = field(init=False)
     _owners: Ints = field(init=False)
@@ -49,7 +52,7 @@ class Clouds:
         distinct = [self.samples[k] for k in first]
         counts = np.array([len(s) for s in distinct])
         who = np.repeat(np.arange(len(distinct)), counts)
-        tree = tree_of(np.concatenate(distinct), self.size, self.point_map)
+        tree = tree_of(self.opened(np.concatenate(distinct)), self.size, self.point_map)
         apart, near = tree.query(tree.data, k=np.arange(2, _NEIGHBOURS + 2), workers=thread_count())
         pairs = np.repeat(who, _NEIGHBOURS) * len(counts) + who[np.minimum(near, len(who) - 1)].ravel()
         found = np.bincount(pairs, minlength=len(counts) ** 2).reshape(len(counts), -1)
@@ -59,6 +62,12 @@ class Clouds:
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
+    def opened(self, points: Floats) -> Floats:
+        """Return points (..., dimension) with a gap between the sides of each plane, wider than the samples are."""
+        shift = np.zeros(points.shape)
+        shift[..., self.planes] = _GAP * self.size[self.planes] * (points[..., self.planes] > 0.0)
+        return points + shift
+
     def place_of(self, pieces: Floats, group: Ints) -> Ints:
         """Return the group of samples on which each of some pieces of orbits (..., steps, dimension) is, -1 for none.
 
@@ -67,7 +76,9 @@ class Clouds:
         *shape, steps, d = pieces.shape
         points = pieces.reshape(-1, d)
         rows = np.flatnonzero(np.isfinite(points).all(axis=1))
-        apart, near = self._tree.query(in_units(points[rows], self.size, self.point_map), workers=thread_count())
+        apart, near = self._tree.query(
+            in_units(self.opened(points[rows]), self.size, self.point_map), workers=thread_count()
+        )
         on = np.full(len(points), -1)
         on[rows] = np.where(apart <= self._spacing[near], group[self._owners[near]], -1)
         votes = np.array([(on.reshape(-1, steps) == g).sum(axis=1) for g in range(int(group.max()) + 1)])
@@ -124,7 +135,7 @@ def recurrent_groups(clouds: Clouds, path: Floats, widths: Floats, transients: F
 
 def _common_boxes(clouds: Clouds, group: Ints, widths: Floats) -> Bools:
     """Tell which groups of samples visit common boxes."""
-    points = np.concatenate(clouds.samples)
+    points = clouds.opened(np.concatenate(clouds.samples))
     boxes = boxes_of(points, points.min(axis=0) - _ASIDE * widths, widths, clouds.point_map)
     _, keys = np.unique(boxes, axis=0, return_inverse=True)
     visits = np.zeros((int(group.max()) + 1, int(keys.max()) + 1), np.int64)

@@ -290,6 +290,7 @@ def joined_continua(point_map: PointMap, attractors: Sequence[Attractor]) -> tup
     """Join continua whose covers overlap; return all attractors, and the new number of each of the old ones.
 
     Two overlap if a point of one lies in the cover of the other.  The longest gives its kind and its boxes to all.
+    Chaotic sets of one neutral family are joined, however far apart they are.
     """
     number = len(attractors)
     exact, overlap = point_map.without_table, np.eye(number, dtype=bool)
@@ -298,6 +299,9 @@ def joined_continua(point_map: PointMap, attractors: Sequence[Attractor]) -> tup
         cover = attractors[j].cover
         same = attractors[j].period == attractors[k].period and cover is not None
         overlap[j, k] = same and inside_cover(cover, attractors[k].points, exact).any()  # type: ignore[arg-type]
+    families = [k for k, a in enumerate(attractors) if a.subspace is not None and a.subspace.is_neutral]
+    for j, k in itertools.permutations(families, 2):
+        overlap[j, k] = np.array_equal(attractors[j].subspace.normals, attractors[k].subspace.normals)  # type: ignore[union-attr]
     if overlap.sum() == number:
         return tuple(attractors), np.arange(number)
     from scipy.sparse.csgraph import connected_components
@@ -318,6 +322,8 @@ def _of_pieces(exact: PointMap, pieces: Sequence[Attractor]) -> Attractor:
     for piece in pieces:
         if piece is not longest and cover is not None and piece.cover is not None:
             cover = _with_boxes(exact, cover, piece.cover)
+    if longest.kind is Kind.CHAOTIC and cover is not None:
+        cover = replace(cover, certain=None)
     points = np.concatenate([a.points for a in pieces])
     if longest.period == 1:
         points = points[np.lexsort(points.T[::-1])]

@@ -16,6 +16,7 @@ from ...maps.point_map import PointMap
 from ...maps.side_by_side import advance_on_threads
 from ...orbits.attractor import Attractor, Kind
 from ..settling.settle import Catalogue, Settled, settle, without_escaped
+from .invariant_subspaces import owners_in_subspaces
 from .recurrence import averaged_owners
 
 _PERIODS = 16  # the ways of as many are compared with those of as many that follow
@@ -181,14 +182,16 @@ def settled_at_last(
 ) -> Settled:
     """Return what has become of orbits that are `age` periods old: those that creep to a continuum settle there.
 
-    So do those that have the averages of an attractor that was found by recurrence, and those that escape beyond a
-    bound have diverged.
+    So do those that have the averages of an attractor that was found by recurrence, and those so near to an invariant
+    subspace with an attractor that hardly any comes out again.  Those that escape beyond a bound have diverged.
     """
     if bound is not None:
         settled = without_escaped(point_map, settled, bound, age)
     rows, owners = settled.undecided, drawn_to(point_map, settled.orbits.points, attractors)
     left = np.flatnonzero((owners < 0) & settled.orbits.alive)
     owners[left] = averaged_owners(point_map, settled.orbits.points[left], attractors)
+    left = np.flatnonzero((owners < 0) & settled.orbits.alive)
+    owners[left] = owners_in_subspaces(point_map, settled.orbits.points[left], attractors)
     labels, times = settled.labels.copy(), settled.times.copy()
     labels[rows] = np.where(owners >= 0, owners, labels[rows])
     times[rows] = np.where(owners >= 0, age, times[rows])

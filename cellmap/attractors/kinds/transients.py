@@ -46,6 +46,7 @@ class Reason(StrEnum):
     TORUS = "three or more Lyapunov exponents are nearly zero: slow convergence, or a torus of as many frequencies"
     CONSERVATIVE = "chaotic, but volumes do not shrink"
     TRANSIENT = "chaotic transient"
+    RIDDLED = "chaotic beside an invariant subspace, to which orbits come and from which they may go away again"
     KNOWN = "on a known chaotic attractor, for too few periods so far"
     VISITING = "visits a known chaotic attractor without staying"
 
@@ -64,6 +65,7 @@ REMEDIES = {
     Reason.TORUS: _MORE + ", or use classify_by_features: such a torus has no trapping region here",
     Reason.CONSERVATIVE: "there is no attractor to be found: add damping, or use lyapunov_spectrum",
     Reason.TRANSIENT: _MORE,
+    Reason.RIDDLED: _MORE,
     Reason.KNOWN: _MORE,
     Reason.VISITING: _MORE,
 }

@@ -143,7 +143,7 @@ def test_records_that_are_stored_are_known_to_this_test():
     ours = "labels attractors settling_time grid initial_conditions name params coordinates settings inaccurate"
     assert {f.name for f in fields(Basins)} == {*ours.split(), "undecided", "cost", "point_map"}
     ours = "kind period points rotations multipliers exponents coordinates neighbourhood cover circle torus"
-    assert {f.name for f in fields(Attractor)} == {*ours.split(), "grazing_distance", "resolution", "symmetry"}
+    assert {f.name for f in fields(Attractor)} == {*ours.split(), "grazing_distance", "resolution", "symmetry", "subspace"}
 
 
 # --- arguments, attributes and files with the names that they had in cellmap 0.1
