@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._lib.arrays import Bools, Floats, Ints, evenly
-from ...maps.coordinates import difference, turns_of
+from ...maps.coordinates import difference
 from ...maps.orbit_batch import Orbits
 from ...maps.paths import path_of
 from ...maps.point_map import PointMap
@@ -19,7 +18,8 @@ from ...orbits.attractor import Attractor, Cover, InvariantSubspace, Kind
 from ...orbits.invariant_circle import drift
 from ...orbits.newton import resolution
 from ..matching import thinned
-from ..regions.boxes import BOXES, RESIDENCE, boxes_around, boxes_of, distinct_boxes, inside_cover, moved_boxes
+from ..regions.boxes import BOXES
+from ..regions.covers import covers_apart, lattice
 from ..regions.trapping_boxes import is_trapped, with_trapped_boxes
 from ..regions.tube import SAMPLED
 from .clouds import Clouds, pieces_of, recurrent_groups
@@ -35,12 +35,9 @@ _SAMPLE_PERIODS = 1000
 ORBITS = 32
 """Orbits that are followed or tested, at most."""
 
-_FLAT = 1e-3  # least width of all boxes together, in units of the extent: rounding must not tell orbits apart
 _LONGEST_RETURN = 128
 _REPEATED = 16  # periods at least for which an orbit repeats itself: where errors double in each, 1e-16 stays small
-_FINEST = 16  # times as many boxes along each axis where covers of two attractors hold the orbits of each other
 _KNOWN = 8192  # points of a known attractor that are compared
-_MARGIN = 0.1  # of a bounding box, at either side
 MATURE = (
     256  # periods from which orbits may have come to a chaotic attractor, if a neighbourhood of it shows them there
 )
@@ -244,7 +241,7 @@ def _distinguished(
         beside = [g for g in groups if family[g].all()]
         if len(beside) > 1:
             groups = [g for g in groups if not family[g].all()] + [np.sort(np.concatenate(beside))]
-    for mine, cover in zip(*_apart(history, groups, lower, widths, point_map, extent, planes), strict=True):
+    for mine, cover in zip(*covers_apart(history, groups, lower, widths, point_map, extent, planes), strict=True):
         points = history[:, mine].reshape(-1, point_map.dimension)
         spectrum = mean_exponents(point_map, exponents[mine], history[-1, mine], _SAMPLE_PERIODS, extent, images)
         resolved = _resolution(clouds, mine, cover)
@@ -332,82 +329,3 @@ def returns(point_map: PointMap, states: Floats, extent: Floats) -> Bools:
         apart = difference(path[period:, k], path[:-period, k], point_map.coordinates)
         found[rows[k]] = (np.abs(apart[: max(period, _REPEATED)]) <= near[rows[k]]).all()
     return found
-
-
-def lattice(points: Floats, point_map: PointMap, extent: Floats) -> tuple[Floats, Floats]:
-    """Boxes that cut the bounding box of the points, or the circle, into equal parts."""
-    cut, turn = turns_of(point_map.coordinates)
-    lower = np.where(turn > 0, cut, points.min(axis=0))
-    span = np.where(turn > 0, turn, np.maximum(np.ptp(points, axis=0), _FLAT * extent))
-    return lower, span / BOXES
-
-
-def _few_axes(
-    points: Floats, lower: Floats, widths: Floats, point_map: PointMap, extent: Floats
-) -> tuple[Floats, Floats, Bools]:
-    """Return corner and sides of boxes that reach across all points, but along at most four axes, and which these are.
-
-    They are the axes along which the points are most spread.  Along the others boxes have a margin, and no neighbours,
-    of which there would be 3^d.
-    """
-    turn, cut = turns_of(point_map.coordinates)[1], np.zeros(len(widths), bool)
-    cut[np.argsort(-np.ptp(points, axis=0) / extent, kind="stable")[:SAMPLED]] = True
-    margin = np.where(turn > 0, 0.0, _MARGIN * BOXES * widths)
-    return np.where(cut, lower, lower - margin), np.where(cut, widths, BOXES * widths + 2.0 * margin), cut
-
-
-def _apart(
-    history: Floats,
-    groups: Sequence[Ints],
-    lower: Floats,
-    widths: Floats,
-    point_map: PointMap,
-    extent: Floats,
-    planes: Ints,
-) -> tuple[list[Ints], list[Cover]]:
-    """Return groups of orbits with covers so fine that none stays for long in that of another group.
-
-    Groups that no boxes keep apart are one.  Where all orbits of one are on one side of a plane, so are its boxes.
-    """
-    groups, fineness = list(groups), 1
-    lower, widths, cut = _few_axes(history.reshape(-1, point_map.dimension), lower, widths, point_map, extent)
-    while True:
-        finer = np.where(cut, widths / fineness, widths)
-        covers = [
-            _cover(history[:, g].reshape(-1, point_map.dimension), lower, finer, cut, point_map, planes) for g in groups
-        ]
-        pairs = [
-            (j, k) for j, k in itertools.permutations(range(len(groups)), 2)
-            if _longest_stay(history[:, groups[j]], covers[k], point_map) > RESIDENCE // 2
-        ]  # fmt: skip
-        if not pairs:
-            return groups, covers
-        if fineness < _FINEST:
-            fineness *= 2
-        else:
-            j, k = pairs[0]
-            groups[j] = np.sort(np.concatenate([groups[j], groups.pop(k)] if k > j else [groups[k], groups[j]]))
-            if k < j:
-                groups.pop(k)
-
-
-def _longest_stay(history: Floats, cover: Cover, point_map: PointMap) -> int:
-    """Return the largest number of steps in a row in which one of some orbits (steps, n, dimension) is in a cover."""
-    inside = inside_cover(cover, history.reshape(-1, point_map.dimension), point_map).reshape(len(history), -1)
-    stay = longest = np.zeros(inside.shape[1], np.int64)
-    for now in inside:
-        stay = np.where(now, stay + 1, 0)
-        longest = np.maximum(longest, stay)
-    return int(longest.max())
-
-
-def _cover(points: Floats, lower: Floats, widths: Floats, cut: Bools, point_map: PointMap, planes: Ints) -> Cover:
-    """Boxes of the points and all their neighbours along the axes that are cut, but not beyond invariant planes."""
-    visited = distinct_boxes(boxes_of(points, lower, widths, point_map))
-    shifts = np.array(list(itertools.product(*[(-1, 0, 1) if c else (0,) for c in cut])))
-    around = boxes_around(widths, turns_of(point_map.coordinates)[1])
-    boxes = moved_boxes(visited, shifts, around)
-    for k in planes[cut[planes]]:
-        if (points[:, k] >= 0.0).all() or (points[:, k] <= 0.0).all():
-            boxes = boxes[(boxes[:, k] >= 0) == (points[:, k] > 0.0).any()]
-    return Cover(lower, widths, boxes)

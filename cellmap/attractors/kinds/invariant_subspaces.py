@@ -18,18 +18,17 @@ from ...maps.tangent import tangent
 from ...orbits.attractor import Attractor, InvariantSubspace, Kind
 from ..labels import Label
 from ..regions.boxes import in_units, tree_of
+from ..regions.covers import FLAT
 from ..settling.settle import Catalogue, settle
 from .clouds import Clouds
 
 _TRIED = 32  # points whose images show that a subspace is invariant,
 _MOST, _EXACT = 0.9, 1e-9  # most of them to this part of the extent
-_SEEN = 256  # periods in which an orbit is seen to stay beside a subspace,
-_THIN = 1e-4  # within this part of its own size; what is found is held against the map then
+_THIN = 1e-4  # part of an orbit's size within which it is seen to stay beside a subspace, before the map is asked
 _FRACTIONS = 12  # a formula's subspace has multiples of 1/12 in its normals
 _BLOCK = 64  # periods, over which growth is taken to be independent of that before
 _BESIDE = 1e-3, 1e-2, 1e-1  # of the extent, distances from where it is seen whether orbits go elsewhere
 _LEAVING = 1e-3  # probability that an orbit that counts as converged comes out again
-_FLAT = 1e-3  # of the extent, the least size of a sample, so that rounding does not tell orbits apart
 _DEEPEST = 1e-3  # of the extent, at which growth is surely that of small displacements
 
 
@@ -75,7 +74,7 @@ def attractors_in_subspaces(
     exact, turn = point_map.without_table, turns_of(point_map.coordinates)[1]
     coming, found = np.zeros(len(points), bool), list[Attractor]()
     absorbing = [a.subspace for a in known if a.subspace is not None and not a.subspace.is_neutral]
-    history, rotations = history_of(exact, Orbits.starting(points.copy()), _SEEN)
+    history, rotations = history_of(exact, Orbits.starting(points.copy()), 4 * _BLOCK)
     for subspace in _subspaces(exact, history + rotations * turn, extent):
         beside = np.abs(subspace.distances(history, exact.coordinates)).max(axis=(0, 2)) <= _THIN
         mine = np.flatnonzero(beside & ~coming)
@@ -98,7 +97,7 @@ def attractors_in_subspaces(
             continue
         inside = replace(subspace, depth=depth, exponent=mean)
         samples = subspace.projected(history[:, mine], exact.coordinates).swapaxes(0, 1)
-        group = Clouds(point_map, list(samples), np.maximum(np.ptp(samples, axis=(0, 1)), _FLAT * extent)).group
+        group = Clouds(point_map, list(samples), np.maximum(np.ptp(samples, axis=(0, 1)), FLAT * extent)).group
         for g in range(int(group.max()) + 1):
             spectrum = -np.sort(-exponents[mine[group == g]].mean(axis=0))
             none, still = np.empty(0, complex), (0,) * exact.dimension

@@ -8,10 +8,11 @@ from ..._lib.arrays import Floats, Ints, evenly
 from ...maps.orbit_batch import Orbits
 from ...maps.paths import path_of
 from ...maps.point_map import PointMap
-from ..kinds.chaos import EXPONENT_PERIODS, ORBITS, lattice, tested
+from ..kinds.chaos import EXPONENT_PERIODS, ORBITS, tested
 from ..kinds.clouds import Clouds, pieces_of
 from ..kinds.transients import Reason
 from ..regions.boxes import BOXES
+from ..regions.covers import lattice
 
 FEWEST = 512
 """Orbits from which on it is worthwhile to leave some out."""
