@@ -249,3 +249,12 @@ def test_a_separatrix_that_returns_to_its_saddle_ends_there(mu, kind):
         assert loop * (1 - 1e-3) < branch.length < loop
     x, y = found.points.T
     assert np.abs(x * x + y * y + x * x * y * y - 2 * mu * x * y).max() < 1e-12
+
+
+def test_a_boundary_that_is_a_line_is_as_near_as_points_on_the_curve():
+    """Between the basins of -1 and 1 it is x = 0, on which the curve has ten points for each cell."""
+    wells = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3, 0.5 * x[1]), {}, ("x", "y"))
+    basins = find_basins(wells, CellGrid((-1.2, -1.0), (1.2, 1.0), (40, 30)))
+    line = saddle_manifold(wells, periodic_orbit(wells, [0.01, 0.01]), "stable", basins.grid)
+    followed = boundary_distance(line, basins)
+    assert followed.fraction == 1.0 and followed.distances.max() < 0.06

@@ -290,3 +290,10 @@ def test_labels_without_a_basin_are_left_out():
     assert missing.pairs.sum() == 4
     masked = image_uncertainty_exponent(np.ma.masked_less(labels, 0), distances=[1])
     assert masked.pairs.sum() == 4
+
+
+def test_distances_are_halved_down_to_the_smallest_and_not_beyond():
+    """Ten errors of the map of 2^-10, in a region that is 2 wide along y."""
+    less_exact, floor = replace(SIGNS, tolerance=(0.0, 2.0**-10)), 5 * 2.0**-10
+    found = uncertainty_exponent(less_exact, CellGrid((-3, -1), (3, 1), (10, 10)), max_pairs=60_000)
+    assert floor <= found.distances.min() < 2 * floor
