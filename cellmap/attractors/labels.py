@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import IntEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .._compiled.kernels.periods import MOST_ENDS
 from .._lib.arrays import Ints
 from ..maps.orbit_batch import Status
 
@@ -30,15 +32,26 @@ class Label(IntEnum):
     """The integrator did not reach the end of a period, or any correct digit, with the largest number of steps."""
     DOUBTFUL = -7
     """Features of its orbit are those of no group, or of different ones in time."""
+    ENDED = -8
+    """The orbit came to the first of the ends of its system; that of the next one is one less, and so on."""
 
 
 LABEL_NAMES = {int(k): "did not return" if k is Label.NO_RETURN else k.name.lower().replace("_", " ") for k in Label}
+LABEL_NAMES |= {Label.ENDED - k: f"end {k + 1}" for k in range(MOST_ENDS)}
 """Names of the labels that are not attractors."""
 
-LABELS_OF = np.full(max(Status) + 1, Label.UNDECIDED, np.int64)
+
+def label_names(settings: Mapping[str, Any]) -> dict[int, str]:
+    """Return the names of labels that are not attractors, with those of ends in the recipe of a map among settings."""
+    ends = settings.get("map", {}).get("end_names", ())
+    return LABEL_NAMES | {Label.ENDED - k: name for k, name in enumerate(ends)}
+
+
+LABELS_OF = np.full(Status.ENDED + MOST_ENDS, Label.UNDECIDED, np.int64)
 """Labels of orbits that have come to no attractor, by their status."""
 for _name in ("ESCAPED", "DIVERGED", "NO_RETURN", "OUT_OF_STEPS"):
     LABELS_OF[Status[_name]] = Label[_name]
+LABELS_OF[Status.ENDED :] = Label.ENDED - np.arange(MOST_ENDS)
 
 
 _MOST = int(np.iinfo(np.int16).max)

@@ -30,7 +30,7 @@ from .kinds.limit_cycles import cycles_ahead
 from .kinds.quasiperiodic import long_cycle, quasiperiodic_attractors
 from .kinds.recurrence import closed_attractors
 from .kinds.transients import REMEDIES, Late, Reason, UnsettledWarning, regular
-from .labels import LABEL_NAMES, Label
+from .labels import Label, label_names
 from .regions.boxes import inside_cover
 from .regions.lyapunov_regions import Afford, always
 from .regions.trapping import still_trapping, trapping_neighbourhood
@@ -131,7 +131,7 @@ def find_attractors(
             found, reasons, labels = _found_by_all(quotient.point_map, places, known, max_periods, longest_period)
             found = [quotient.lifted(a, point_map) for a in found]
     if not found:
-        warn_caller(_nothing_found(labels, reasons, max_periods), UnsettledWarning)
+        warn_caller(_nothing_found(point_map, labels, reasons, max_periods), UnsettledWarning)
     ordered = tuple(sorted(found, key=sort_key))
     if repeated := warning_of_translates(ordered, point_map):
         warn_caller(repeated)
@@ -236,9 +236,13 @@ def search(
     return Searched(orbits, attractors, age, labels, times, untrapped)
 
 
-def _nothing_found(labels: Ints, reasons: Sequence[Reason], max_periods: int) -> str:
+def _nothing_found(point_map: PointMap, labels: Ints, reasons: Sequence[Reason], max_periods: int) -> str:
     """Tell why orbits came to no attractor: how they ended, and why those that did not are undecided."""
-    ended = [f"{np.count_nonzero(labels == k)} {name}" for k, name in LABEL_NAMES.items() if (labels == k).any()]
+    ended = [
+        f"{np.count_nonzero(labels == k)} {name}"
+        for k, name in label_names({"map": point_map.recipe}).items()
+        if (labels == k).any()
+    ]
     text = f"no attractor was found from {len(labels)} initial conditions: {', '.join(ended)}"
     if not reasons:
         return f"{text}; take initial conditions whose orbits stay"

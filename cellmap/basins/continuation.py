@@ -129,6 +129,7 @@ def continue_basins(
         "max_periods": whole_number("max_periods", max_periods, at_least=1),
         "longest_period": affordable_period(longest_period),
         "threshold": finite_number("threshold", threshold, above=0.0),
+        "map": dict(point_map.recipe),
     }
     maps = MapsOverValues(point_map, parameter, axis)
     kept = 8 * _KEPT * point_map.dimension * axis.size

@@ -16,7 +16,7 @@ from .._lib.randomness import Rng
 from .._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Keyed, Layout, ShownAsHtml
 from .._lib.signatures import checked
 from .._lib.threads import slices
-from ..attractors.labels import LABEL_NAMES
+from ..attractors.labels import LABEL_NAMES, label_names
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
@@ -59,7 +59,8 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
     attractors : tuple of Attractor
         Attractor k has the label k.
     settling_time : ndarray of int32
-        Period in which the orbit first entered a trapping region of its attractor; -1 without an attractor.
+        Period in which the orbit first entered a trapping region of its attractor, or came to one of the ends of its
+        system; -1 without either.
     grid : CellGrid or None
         Cells whose centres are the initial conditions.
     initial_conditions : ndarray or None
@@ -116,7 +117,7 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
     @property
     def _meanings(self) -> dict[int, str]:
         """Names of all labels that there may be."""
-        return dict(enumerate(distinct_names(self.attractors))) | LABEL_NAMES
+        return dict(enumerate(distinct_names(self.attractors))) | label_names(self.settings)
 
     @checked
     def label_name(self, label: int) -> str:

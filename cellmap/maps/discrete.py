@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from .._compiled.codegen.expression import ImpureError
 from .._compiled.codegen.kernel import discrete_kernel, map_enclosure, tangent_step, traced_function, why_untraced
 from .._compiled.codegen.period import CompiledPeriod
 from .._compiled.codegen.trace import Trace, parameter_record
+from .._compiled.kernels.blocks import END_PLACE
 from .._compiled.kernels.frames import Framed, FrameStep, carrying
 from .._compiled.machine_code import MachineCode
 from .._lib.arrays import Floats
@@ -22,9 +23,10 @@ from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .compiled_advance import DiscreteAdvance
 from .coordinates import Coordinate, as_coordinates, turns_of
-from .misread import as_vectors, called_twice, check_compiled, lacking, undefined
+from .impacts import check_ends
+from .misread import as_vectors, called_twice, check_compiled, lacking, trial_state, undefined
 from .orbit_batch import Orbits, Status
-from .parameters_as_states import swept_axes, swept_function
+from .parameters_as_states import swept_axes, swept_function, swept_guard
 from .periodicity import value_at
 from .point_map import PointMap
 from .specification import MapSpec
@@ -42,6 +44,7 @@ def discrete_map(
     params: Mapping[str, float],
     coordinates: Iterable[str | Coordinate],
     name: str = "",
+    ends: Mapping[str, Callable[[Sequence[float], Any], float]] | None = None,
 ) -> PointMap:
     """Return the point map of a plain function.
 
@@ -56,6 +59,9 @@ def discrete_map(
         State variables.
     name : str, optional
         Name for files and plots; by default the name of `function`.
+    ends : mapping of str to callable, optional
+        Ends of orbits by name, such as ``{"extinct": lambda x, p: p.fewest - x[0]}``: an orbit ends in the step after
+        which, or before which, such a guard is positive, and has a label of that name.
 
     Returns
     -------
@@ -74,7 +80,24 @@ def discrete_map(
     >>> discrete_map(henon, {"a": 1.4, "b": 0.3}, ("x", "y"))([0.0, 0.0])
     array([1., 0.])
     """
-    return Discrete(function, params, tuple(as_coordinates(coordinates)), name).build()
+    return Discrete(function, params, tuple(as_coordinates(coordinates)), name, {} if ends is None else ends).build()
+
+
+@functools.lru_cache(maxsize=256)
+def with_ends(function: Callable[..., Any], guards: tuple[Callable[..., Any], ...]) -> Callable[..., Any]:
+    """Return a function whose images are beyond all bounds where a guard is positive; the same one every time."""
+    if not guards:
+        return function
+
+    def mapped(x: Sequence[float], p: Any) -> Sequence[float]:
+        image = tuple(function(x, p))
+        for state in (x, image):
+            for number, guard in enumerate(guards, 1):
+                if guard(state, p) > 0.0:
+                    return (number * END_PLACE, *image[1:])
+        return image
+
+    return mapped
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +109,7 @@ class Discrete(MapSpec[PointMap]):
     params: Mapping[str, float]
     coordinates: tuple[Coordinate, ...]
     name: str
+    ends: Mapping[str, Callable[[Sequence[float], Any], float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         function = self.function
@@ -95,12 +119,19 @@ class Discrete(MapSpec[PointMap]):
         set_field("params", parameter_values(self.params))
         set_field("name", named(self.name, function))
         _check_components(function, self.params, self.coordinates)
+        record = parameter_record(tuple(self.params))(*self.params.values())
+        set_field("ends", check_ends(self.ends, "x, p", (trial_state(len(self.coordinates)), record)))
         _ = self._watched  # the function as it is now
+
+    @property
+    def _mapped(self) -> Callable[..., Any]:
+        """The function, whose images are beyond all bounds where orbits end."""
+        return with_ends(self.function, tuple(self.ends.values()))
 
     @computed_once
     def _watched(self) -> Watched:
         """The function, which is not to be another one when more is compiled of it."""
-        function, record = self.function, parameter_record(tuple(self.params))(*self.params.values())
+        function, record = self._mapped, parameter_record(tuple(self.params))(*self.params.values())
 
         def sample() -> list[float]:
             states = [tuple(size + 0.1 * j for j in range(len(self.coordinates))) for size in (0.1, 0.37, 1.3)]
@@ -111,12 +142,12 @@ class Discrete(MapSpec[PointMap]):
     @computed_once
     def _formulas(self) -> str:
         """Why the formulas of the function are not known; empty if they are."""
-        return why_untraced(_timeless(self.function), len(self.coordinates), self.params)
+        return why_untraced(_timeless(self._mapped), len(self.coordinates), self.params)
 
     def _kernel(self, order: int, only_smooth: bool = False) -> CompiledPeriod | None:
         self._watched.check()
         d, names = len(self.coordinates), tuple(self.params)
-        return discrete_kernel(_timeless(self.function), d, names, order, not self._formulas, only_smooth)
+        return discrete_kernel(_timeless(self._mapped), d, names, order, not self._formulas, only_smooth)
 
     def make(self) -> PointMap:
         """Return the map, without its specification."""
@@ -129,7 +160,7 @@ class Discrete(MapSpec[PointMap]):
         parameters = np.array([float(v) for v in self.params.values()])
         if self._formulas:
             record = parameter_record(tuple(self.params))(*self.params.values())
-            check_compiled("function", lambda t, x: self.function(x, record), kernel, d, parameters, 0.0)
+            check_compiled("function", lambda t, x: self._mapped(x, record), kernel, d, parameters, 0.0)
         lower, turn = turns_of(self.coordinates)
         anywhere = np.zeros(2 * d)
 
@@ -144,7 +175,7 @@ class Discrete(MapSpec[PointMap]):
         @functools.cache
         def step_of_frames() -> MachineCode:
             self._watched.check()
-            return derivatives_of(name, tangent_step(_timeless(self.function), d, tuple(self.params)))
+            return derivatives_of(name, tangent_step(_timeless(self._mapped), d, tuple(self.params)))
 
         def stretch(orbits: Orbits, frames: Floats, periods: int) -> Floats:
             step = FrameStep(step_of_frames().address("step"), parameters, lower, turn, _BOUND)
@@ -161,14 +192,17 @@ class Discrete(MapSpec[PointMap]):
             tangent=derivative,
             stretch=None if self._formulas else stretch,
             unknown_formulas=self._formulas,
+            ends=tuple(self.ends),
         )
 
     def swept(self, names: tuple[str, ...]) -> Discrete | None:
         """Return the specification with some parameters appended to the state, where the formulas are known."""
         if self._formulas:
             return None
-        function = swept_function(self.function, len(self.coordinates), tuple(self.params), names)
-        return replace(self, function=function, coordinates=swept_axes(self.coordinates, names))
+        described = len(self.coordinates), tuple(self.params), names
+        ends = {name: swept_guard(guard, *described) for name, guard in self.ends.items()}
+        function, axes = swept_function(self.function, *described), swept_axes(self.coordinates, names)
+        return replace(self, function=function, coordinates=axes, ends=ends)
 
     def curve_step(
         self, order: int, finer: bool = False, part: tuple[int, int] = (0, 1)
@@ -193,12 +227,12 @@ class Discrete(MapSpec[PointMap]):
         """Return the formulas, None where they are not known."""
         self._watched.check()
         known = not self._formulas
-        return traced_function(_timeless(self.function), len(self.coordinates), tuple(self.params)) if known else None
+        return traced_function(_timeless(self._mapped), len(self.coordinates), tuple(self.params)) if known else None
 
     def enclosure(self) -> CompiledEnclosure:
         """Return the compiled enclosure of images of boxes."""
         self._watched.check()
-        return map_enclosure(_timeless(self.function), len(self.coordinates), tuple(self.params))
+        return map_enclosure(_timeless(self._mapped), len(self.coordinates), tuple(self.params))
 
     @property
     def recipe(self) -> dict[str, Any]:

@@ -36,9 +36,17 @@ def gated_system(system: ForcedSystem, place: int) -> ForcedSystem:
     rhs, switches = _gated_functions(system.rhs, system.dimension, place, turn)
     taken = {c.name for c in system.axes}
     names = [n if n not in taken else f"section {n}" for n in ("time under way", "side", "value", "way since")]
+    guards = _of_first(tuple(system.ends.values()), system.dimension)
+    ends = dict(zip(system.ends, guards, strict=True))
     # The sign of the side differs after a full rotation: the angle of the section is kept unwrapped here.
     axes = [Coordinate(c.name) if j == place else c for j, c in enumerate(system.axes)]
-    return ForcedSystem(rhs, system.params, system.length, (*axes, *names), system.name, switches)
+    return ForcedSystem(rhs, system.params, system.length, (*axes, *names), system.name, switches, ends=ends)
+
+
+@functools.lru_cache(maxsize=256)
+def _of_first(guards: tuple[Callable[..., Any], ...], dimension: int) -> tuple[Callable[..., Any], ...]:
+    """Return guards that read the first states; the same ones every time."""
+    return tuple(functools.partial(lambda g, t, x, p: g(t, x[:dimension], p), guard) for guard in guards)
 
 
 @functools.lru_cache(maxsize=256)

@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 
 from .._compiled.codegen.expression import ImpureError
-from .._lib.checks import one_of, shown
+from .._compiled.kernels.periods import MOST_ENDS
+from .._lib.checks import check_mapping, label, one_of, shown
 from .coordinates import Coordinate
 from .misread import PLACES, called_twice, differ, short, trial_state
 from .periodicity import InTime, check_periodic
 
 StateFunction = Callable[[float, Sequence[float], Any], Any]
 
-_REMEDY = (
+REMEDY = (
     "give the period with which the forcing, walls and kicks repeat, and the guard of a kick at time s of each period "
     "T as sin(2 * pi * (s - t) / T)"
 )
@@ -65,15 +66,25 @@ class Impact:
         one_of("direction", self.direction, (-1, 1))
 
 
+_LAST = 2.0  # where others have 1 if they are solid
+
+
+def _unchanged(t: float, x: Sequence[float], p: Any) -> Sequence[float]:
+    return x
+
+
 @functools.lru_cache(maxsize=256)
-def joined(impacts: tuple[Impact, ...]) -> StateFunction | None:
+def joined(impacts: tuple[Impact, ...], ends: tuple[StateFunction, ...] = ()) -> StateFunction | None:
     """Return one function of all guards, falling, each with 1 if solid and the state after the impact; None if none.
 
-    It is the same one every time, so that systems with other parameters share what is compiled.
+    Behind them are the guards of ends, which leave the state as it is.  It is the same one every time, so that systems
+    with other parameters share what is compiled.
     """
     function: StateFunction | None = None
     for impact in impacts:
         function = _followed(function, impact.guard, impact.reset, -float(impact.direction), float(impact.solid))
+    for guard in ends:
+        function = _followed(function, guard, _unchanged, -1.0, _LAST)
     return function
 
 
@@ -102,11 +113,43 @@ def try_impact(k: int, impact: Impact, period: float, axes: Sequence[Coordinate]
         if len(values) != count or not all(isinstance(v, int | float | np.number) for v in values):
             what = "a number" if name == "guard" else f"the {count} state variables after the impact"
             raise ValueError(f"impacts[{k}].{name} returns {shown(found)}: return {what}")
-        check_periodic(f"impacts[{k}].{name}", _in_time(getattr(impact, name), place, parameters), period, _REMEDY)
+        check_periodic(f"impacts[{k}].{name}", _in_time(getattr(impact, name), place, parameters), period, REMEDY)
     for fraction, (j, c) in itertools.product(PLACES, enumerate(axes)):
         if c.period is not None:
             there = (*place[:j], place[j] + c.period, *place[j + 1 :])
             _try_turn(k, impact, fraction * period, place, there, (j, c, c.period), parameters)
+
+
+def check_ends(ends: Any, form: str, arguments: tuple[Any, ...]) -> dict[str, Callable[..., Any]]:
+    """Check guards of ends by name: functions of some arguments that return a number."""
+    check_mapping("ends", ends, "of names to guards, such as {'capsized': lambda t, x, p: abs(x[0]) - 1.5}")
+    if len(ends) > MOST_ENDS:
+        raise ValueError(f"ends has {len(ends)} guards: give at most {MOST_ENDS}")
+    for name, guard in ends.items():
+        label("ends", name)
+        if not callable(guard):
+            raise TypeError(
+                f"ends[{name!r}]={shown(guard)}: give a function guard({form}) that is positive beyond the end"
+            )
+        try:
+            found = called_twice(f"ends[{name!r}]", guard, *arguments)
+        except ImpureError:
+            raise
+        except (AttributeError, IndexError, TypeError) as error:
+            raise ValueError(f"ends[{name!r}] fails at {arguments[-2]}: {error}") from error
+        except Exception:
+            continue  # outside the domain of the function
+        if np.ndim(found) or isinstance(found, bool | np.bool) or not isinstance(found, int | float | np.number):
+            raise ValueError(
+                f"ends[{name!r}] returns {shown(found)}: return a number that is positive beyond the end, such as "
+                "x[0] - 2.0 for x[0] > 2.0"
+            )
+    return dict(ends)
+
+
+def guard_in_time(guard: StateFunction, place: tuple[float, ...], parameters: Any, t: float) -> tuple[float]:
+    """Return a guard at a time."""
+    return (guard(t, place, parameters),)
 
 
 def _in_time(function: StateFunction, place: tuple[float, ...], parameters: Any) -> InTime:

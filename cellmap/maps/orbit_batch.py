@@ -37,6 +37,8 @@ class Status(IntEnum):
     """The orbit did not return to the Poincaré section."""
     OUT_OF_STEPS = periods.OUT_OF_STEPS
     """After the largest number of steps the orbit was not at the end of the period, or not one digit of it correct."""
+    ENDED = periods.ENDED
+    """The orbit came to the first of the ends of its system; that of the next one is one more, and so on."""
 
 
 PERIODS_AT_ONCE = 2**15

@@ -181,6 +181,7 @@ def with_states(system: ForcedSystem, names: tuple[str, ...]) -> ForcedSystem | 
             system.name,
             switches,
             _swept_impacts(tuple(system.impacts), period, *described),
+            dict(zip(system.ends, _swept_guards(tuple(system.ends.values()), period, *described), strict=True)),
         )
     except ValueError as error:
         if period is None and "period" in str(error):
@@ -230,6 +231,28 @@ def _swept_impacts(
         return replace(impact, guard=guard, reset=lambda t, x, p: (*reset(t, x, p), *x[dimension:]))
 
     return tuple(map(swept, impacts))
+
+
+@functools.lru_cache(maxsize=256)
+def _swept_guards(
+    guards: tuple[Callable[..., Any], ...],
+    period: Callable[..., Any] | None,
+    dimension: int,
+    all_names: tuple[str, ...],
+    names: tuple[str, ...],
+) -> tuple[Callable[..., Any], ...]:
+    """Return guards of ends that read some parameters from the state; the same ones every time."""
+    with_swept = _reader(dimension, all_names, names)
+    return tuple(_reading(guard, period, dimension, with_swept) for guard in guards)
+
+
+@functools.lru_cache(maxsize=256)
+def swept_guard(
+    guard: Callable[..., Any], dimension: int, all_names: tuple[str, ...], names: tuple[str, ...]
+) -> Callable[..., Any]:
+    """Return the guard of an end of a discrete map that reads some parameters from the state; the same every time."""
+    with_swept = _reader(dimension, all_names, names)
+    return lambda x, p: guard(x[:dimension], with_swept(x, p))
 
 
 @functools.lru_cache(maxsize=256)
@@ -298,5 +321,6 @@ def _row_by_row(exact: PointMap, names: tuple[str, ...]) -> PointMap:
         tolerance=exact.tolerance,
         is_flow=exact.is_flow,
         no_image=exact.no_image,
+        ends=exact.ends,
         unknown_formulas=exact.unknown_formulas,
     )

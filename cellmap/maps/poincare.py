@@ -234,7 +234,7 @@ def section_map(
     True
     """
     check_unforced(system)
-    if system.functions[1:] != (None, None):
+    if system.switches is not None or system.impacts:
         raise ValueError(
             f"system={system!r} has switches or impacts, and its Poincaré map is not available: take "
             "flow_map(system, time)"
@@ -330,6 +330,7 @@ class Section(MapSpec[SectionMap]):
             tangent=tangent,
             is_flow=True,
             no_image=Status.NO_RETURN,
+            ends=tuple(system.ends),
             section=self.section,
             first_returns=first_returns,
         )

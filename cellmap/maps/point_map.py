@@ -51,7 +51,8 @@ class Iterate:
     coordinates: tuple[Coordinate, ...]
 
     def __repr__(self) -> str:
-        parts = [f"{np.count_nonzero(self.status == s)} {s.name.lower()}" for s in Status if (self.status == s).any()]
+        status = np.minimum(self.status, Status.ENDED)
+        parts = [f"{np.count_nonzero(status == s)} {s.name.lower()}" for s in Status if (status == s).any()]
         return f"Iterate({', '.join(parts)})"
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Floats:
@@ -106,6 +107,8 @@ class PointMap(ShownAsHtml):
         Whether the map follows the solutions of a differential equation, which cannot wind angles round each other.
     no_image : Status
         Status of an orbit where the map has no image: DIVERGED, or NO_RETURN for a Poincaré map.
+    ends : tuple of str
+        Names of the ends of orbits, in the order of their statuses from ENDED on.
     unknown_formulas : str
         Reason why the formulas of the right-hand side are not known, so that it is compiled as it is; empty if they are
         known, or not needed.
@@ -134,6 +137,7 @@ class PointMap(ShownAsHtml):
     escapes: bool = False
     is_flow: bool = False
     no_image: Status = Status.DIVERGED
+    ends: tuple[str, ...] = ()
     unknown_formulas: str = ""
     spec: MapSpec[PointMap] | None = field(default=None, init=False, repr=False)
 
@@ -159,7 +163,8 @@ class PointMap(ShownAsHtml):
     @property
     def recipe(self) -> dict[str, Any]:
         """Plain values for a file, from which :func:`rebuild_map` builds the map again, given its system."""
-        return {"kind": "map"} if self.spec is None else self.spec.recipe
+        found = {"kind": "map"} if self.spec is None else self.spec.recipe
+        return found | ({"end_names": list(self.ends)} if self.ends else {})
 
     @property
     def without_table(self) -> PointMap:
@@ -393,7 +398,7 @@ def remedy_for_missed(diverge: bool, point_map: PointMap | None = None) -> str:
     if diverge:
         return (
             "others diverge, and near a singularity of the right-hand side no tolerance helps; end orbits before it, "
-            "by an Impact there"
+            "by ends={...} there"
         )
     return f"loosen rtol and atol, or allow more steps with max_steps{_remedy_for_stiff(point_map)}"
 

@@ -213,6 +213,7 @@ class Stroboscopic(MapSpec[PointMap]):
             stretch=stretch,
             is_flow=True,
             unknown_formulas=motion.unknown_formulas,
+            ends=tuple(self.system.ends),
         )
 
     def with_phase(self, phase: float) -> Stroboscopic:

@@ -31,7 +31,7 @@ from .._lib.checks import (
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates
-from .impacts import Impact, joined, try_impact
+from .impacts import REMEDY, Impact, check_ends, guard_in_time, joined, try_impact
 from .misread import PLACES, called_twice, differ, lacking, misread, short, trial_state
 from .periodicity import InTime, check_periodic, shortest_period
 
@@ -75,6 +75,9 @@ class ForcedSystem:
     impacts : sequence of Impact, optional
         Events at which the state jumps: walls, moving tables, kicks at given times.  After ever smaller impacts on a
         surface a state rests on it until the acceleration lifts it off.
+    ends : mapping of str to callable, optional
+        Ends of orbits by name, such as ``{"capsized": lambda t, x, p: abs(x[0]) - 1.5}``: an orbit ends where such a
+        guard becomes positive, located in time as impacts are, and has a label of that name.
     outputs : mapping of str to callable, optional
         Further quantities by name, functions ``f(t, x, p)`` that return a tuple, such as energies or positions of
         parts; see :meth:`output`.
@@ -112,6 +115,7 @@ class ForcedSystem:
     name: str = ""
     switches: StateFunction | None = None
     impacts: Sequence[Impact] = ()
+    ends: Mapping[str, StateFunction] = field(default_factory=dict, repr=False)
     outputs: Mapping[str, StateFunction] = field(default_factory=dict, repr=False)
     parameter_units: Mapping[str, str] = field(default_factory=dict, repr=False)
 
@@ -127,6 +131,8 @@ class ForcedSystem:
         if not isinstance(self.impacts, Sequence) or not all(isinstance(i, Impact) for i in self.impacts):
             raise TypeError(f"impacts={shown(self.impacts)}: give a sequence of Impact(guard, reset)")
         set_field("impacts", tuple(self.impacts))
+        places = trial_state(self.dimension), self.parameters
+        set_field("ends", check_ends(self.ends, "t, x, p", (PLACES[0] * self.length, *places)))
         if not isinstance(self.outputs, Mapping) or not all(callable(f) for f in self.outputs.values()):
             raise TypeError(f"outputs={shown(self.outputs)}: give functions f(t, x, p) by name")
         for name in self.outputs:
@@ -138,6 +144,9 @@ class ForcedSystem:
         self._try_right_hand_side()
         for k, impact in enumerate(self.impacts):
             try_impact(k, impact, self.length, self.axes, self.parameters)
+        for name, guard in self.ends.items():
+            along_time = functools.partial(guard_in_time, guard, *places)
+            check_periodic(f"ends[{name!r}]", along_time, self.length, REMEDY)
 
     def __repr__(self) -> str:
         values = parameters_in_words(self.params)
@@ -158,7 +167,7 @@ class ForcedSystem:
     @computed_once
     def functions(self) -> tuple[Callable[..., Any] | None, ...]:
         """Right-hand side, switching functions, and guards and resets of all impacts, None where there are none."""
-        return (self.rhs, self.switches, joined(tuple(self.impacts)))
+        return (self.rhs, self.switches, joined(tuple(self.impacts), tuple(self.ends.values())))
 
     @property
     def length(self) -> float:
@@ -191,7 +200,7 @@ class ForcedSystem:
         ForcedSystem(five hertz: ; period 5, 25 times the shortest)
         """
         length = self.length
-        if self.switches is not None or self.impacts:
+        if self.functions[1:] != (None, None):
             return length
         return shortest_period(self._in_time, length)
 

@@ -30,9 +30,10 @@ CODE_COLOURS: dict[int, str] = {
     Label.UNLABELLED: "white",
     Label.OUT_OF_STEPS: "#6b4423",
     Label.DOUBTFUL: "#8a8a00",
+    Label.ENDED: "#bb0088",
 }
 """Colours of the labels that are not attractors: escaped, diverged, undecided, not returned, unlabelled, out of
-steps, doubtful."""
+steps, doubtful, ended (paler for further ends)."""
 
 
 def colour_of(number: int) -> Colour:
@@ -62,7 +63,10 @@ def one_colour(colour: Any, default: Any) -> Any:
 
 def label_colour(label: int) -> Colour:
     """Return the colour of a label."""
-    return to_rgb(CODE_COLOURS[label]) if label < 0 else colour_of(label)
+    if label >= 0:
+        return colour_of(label)
+    colour = 1.0 - (1.0 - np.array(to_rgb(CODE_COLOURS[max(label, Label.ENDED)]))) * 0.7 ** max(0, Label.ENDED - label)
+    return to_rgb(tuple(colour))
 
 
 def label_colours(labels: Iterable[int], colours: Mapping[int, Any] | None = None) -> dict[int, Colour]:

@@ -192,7 +192,7 @@ def with_attributes(tree, change):
             r"not what to_xarray made of Basins .*labels is int16 of shape \(1, 8\)",
         ),
         (lambda tree: tree.assign(labels=tree["labels"].astype(int)), "labels is int64"),
-        (lambda tree: tree.assign(labels=tree["labels"] + np.int16(5)), "labels are not between -7 and 1"),
+        (lambda tree: tree.assign(labels=tree["labels"] + np.int16(5)), "labels are not between -23 and 1"),
         (
             lambda tree: with_attributes(tree, lambda a: {k: v for k, v in a.items() if k != "settings"}),
             "KeyError: 'settings'",

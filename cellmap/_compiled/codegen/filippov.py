@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels.lane import RESTS, SOLID, STRIKES
+from ..kernels.lane import ENDS, RESTS, SOLID, STRIKES
 from .branches import BranchingGraph, Switch, initial_functions
 from .continuity import is_continuous
 from .derivative import along
@@ -72,7 +72,7 @@ class SwitchingTrace:
         kinds = [int(counts) for counts in self.counts]
         for e, impact in enumerate(self.impacts):
             if impact is not None:
-                kinds[e] = (SOLID if impact.solid else RESTS) if impact.rests else STRIKES
+                kinds[e] = (SOLID if impact.solid else RESTS) if impact.rests else ENDS if impact.ends else STRIKES
         return tuple(kinds)
 
     @property
@@ -120,8 +120,8 @@ def switching_trace(
 ) -> SwitchingTrace:
     """Trace ``rhs(t, x, p, s)`` with its switching functions, or ``rhs(t, x, p)`` alone, with the branches of both.
 
-    ``impacts(t, x, p)`` returns for each impact the guard, which falls to zero there, 1 if no state may begin behind it
-    and else 0, and the state after it.
+    ``impacts(t, x, p)`` returns for each impact the guard, which falls to zero there, 1 if no state may begin
+    behind it, 2 if the orbit ends there and else 0, and the state after it.
 
     Raises
     ------
@@ -197,7 +197,9 @@ def _with_impacts(
     rates, gains, events = list(traced.rates), [list(row) for row in traced.gains], list(traced.events)
     components = list(traced.motion.outputs)
     for e, (guard, solid, *reset) in strikes.items():
-        impact = impacts[e] = replace(impact_of(base, guard, reset, modes), solid=bool(solid.value))
+        struck = impact_of(base, guard, reset, modes)
+        ends = solid.value > 1.0
+        impact = impacts[e] = replace(struck, solid=solid.value == 1.0, ends=ends, push=() if ends else struck.push)
         beside = [beside_rest(base, impact, traced.surfaces[k], traced.normals[k], traced.jumps[k]) for k in sliding]
         impact = impacts[e] = impact.with_bound(len(impacts), dict(zip(sliding, beside, strict=True)))
         rates[e], gains[e][e] = impact.rate, impact.acceleration

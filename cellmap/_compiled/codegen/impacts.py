@@ -33,8 +33,8 @@ class ImpactExpressions:
     ``rate`` and ``acceleration`` of the guard where nothing holds it; ``landed``, ``turned``: state and deviation
     after the impact, of a deviation that further states stand for; ``stuck``, ``held``: those that begin a rest;
     ``push``: the force that holds the guard, empty where a state cannot rest; ``solid``: whether no state may begin
-    behind it; ``bound``: for each switch 0, or the side to which it goes with a state that leaves the rest, if its
-    surface holds wherever a state rests.
+    behind it; ``ends``: whether the orbit ends; ``bound``: for each switch 0, or the side to which it goes with a state
+    that leaves the rest, if its surface holds wherever a state rests.
     """
 
     rate: Expression
@@ -45,6 +45,7 @@ class ImpactExpressions:
     held: tuple[Expression, ...]
     push: tuple[Expression, ...]
     solid: bool = False
+    ends: bool = False
     bound: tuple[int, ...] = ()
 
     @property

@@ -26,7 +26,7 @@ import numpy as np
 from ..kernels import switching_period
 from ..kernels.blocks import LANES
 from ..kernels.collisions import CLOSE
-from ..kernels.lane import COUNTS, SOLID, STRIKES
+from ..kernels.lane import COUNTS, ENDS, SOLID, STRIKES
 from ..machine_code import MachineCode, machine_code, vector_width
 from . import simd_math
 from .defects import elsewhere, hides, is_affine
@@ -122,7 +122,7 @@ def _write_begin(out: Instructions, traced: SwitchingTrace, order: int, paramete
             sides.append(simd_math.floor(value) if kind == COUNTS else where(value > 0.0, 1.0, -1.0))
             if kind == COUNTS:
                 unsure.append(out.number(0.0))
-            elif kind == SOLID:
+            elif kind in {ENDS, SOLID}:
                 unsure.append(where(value <= CLOSE, 1.0, 0.0))
             else:
                 unsure.append(where(abs(value) <= CLOSE if kind >= STRIKES else value.equals(0.0), 1.0, 0.0))

@@ -16,6 +16,9 @@ BLOWN_UP = -1.0
 FARTHEST_STATE = 1e100
 """Size of a coordinate from which on an orbit has diverged: the squares of errors overflow from 1e154 on."""
 
+END_PLACE = 2.0**600
+"""First coordinate of orbits that have come to the first of the ends of a system, and multiples at the others."""
+
 ROUNDED = 2.0**-48
 """What rounding may add in a period, as a part of the largest component, or of its time: no tolerance is held to it."""
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..loops import inlined
 from .calls import call_impacts
-from .lane import COUNTS, RESTS, SOLID, STRIKES, look
+from .lane import COUNTS, ENDS, RESTS, SOLID, STRIKES, look
 
 CLOSE = 1e-12
 """Value of a guard below which a state is on the surface."""
@@ -73,10 +73,10 @@ def turn_sides(e, system, lane, surfaces, leaving):
 
 
 @inlined
-def begin_at_impacts(system, t, lane, surfaces, jumps):
+def begin_at_impacts(system, t, lane, surfaces, jumps, end):
     """Choose the mode of a lane that begins on the surface of an impact: an impact at once, a flight, or a rest.
 
-    A state behind a solid surface is put on it.
+    A state behind a solid surface is put on it; behind an end it has ended.  Return the time that it is then.
     """
     kinds, values, normals, state = system.kinds, surfaces.values, surfaces.normals, lane.state
     dimension, moved = normals.shape[1], 0
@@ -95,6 +95,9 @@ def begin_at_impacts(system, t, lane, surfaces, jumps):
     if moved > 0:
         look(system, t, lane, surfaces)
     for e in range(lane.signs.size):
+        if kinds[e] == ENDS and values[e] < -CLOSE:
+            lane.signs[e] = -1.0
+            return end
         if kinds[e] >= STRIKES and abs(values[e]) <= CLOSE:
             if turn_sides(e, system, lane, surfaces, True) > 0:
                 look(system, t, lane, surfaces)
@@ -102,6 +105,7 @@ def begin_at_impacts(system, t, lane, surfaces, jumps):
                 begin_rest(e, system, t, lane, jumps)
             else:
                 lane.signs[e], lane.slides[e], lane.fresh[e] = 1.0, 0.0, 1.0
+    return t
 
 
 @inlined
@@ -146,6 +150,9 @@ def collide(system, t, lane, surfaces, event, jumps, span):
         if (t - values[e] / rates[e] if rates[e] < 0.0 else t) >= span.last:
             t = span.end
             continue
+        if kinds[e] == ENDS:
+            signs[e] = -1.0
+            return span.end
         struck += 1
         before = values[e]
         _jump(e, system, t, lane, jumps)

@@ -18,7 +18,7 @@ from ..loops import inlined, loop
 from .blocks import place_of
 from .calls import call_look_up
 from .capture import CERTAIN, LOOKED_AT, OUTSIDE, ellipsoids_of, held_by_cover, sifted
-from .periods import ESCAPED, NOWHERE, CompiledMap, Motion, integrate, iterate, notice
+from .periods import ENDED, ESCAPED, NOWHERE, CompiledMap, Motion, integrate, iterate, notice
 
 FINISHED, INTERRUPTED, ASKS_FOR_POOL, ASKS_FOR_WAITING = 0, 1, 2, 3
 """Why the loop returns: nothing is left, so that Ctrl-C is heard, or for one step of the map or of the exact map."""
@@ -310,6 +310,8 @@ def _ends(regions, covers, limits, outcome, pool, r, owner):
         outcome.labels[m], outcome.times[m] = owner, when
     elif ended:
         outcome.labels[m] = outcome.labels_of[pool.status[r]]
+        if pool.status[r] >= ENDED:
+            outcome.times[m] = k
     for j in range(pool.points.shape[1]):
         outcome.points[m, j] = pool.points[r, j]
         outcome.rotations[m, j] = pool.rotations[r, j]

@@ -11,9 +11,9 @@ from ..loops import inlined, loop
 from .blocks import LANES
 from .calls import array_at, call_surfaces
 
-SIGN, COUNTS, STRIKES, RESTS, SOLID = range(5)
-"""What a switch does: it has a sign, or a whole number; or there are impacts at it, after which a state may rest, and
-behind which none may begin."""
+SIGN, COUNTS, STRIKES, ENDS, RESTS, SOLID = range(6)
+"""What a switch does: it has a sign, or a whole number; impacts or the end of orbits are at it; after impacts a
+state may rest, and behind some none may begin."""
 
 CONTEXT = 13
 """Numbers that a system is described with, before those of each surface: the first thirteen of :class:`System`."""

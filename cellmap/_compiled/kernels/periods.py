@@ -13,14 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..loops import inlined, loop
-from .blocks import BLOWN_UP, FARTHEST_STATE, LANES, ROUNDED, pack, unpack, wrap_angle
+from .blocks import BLOWN_UP, END_PLACE, FARTHEST_STATE, LANES, ROUNDED, pack, unpack, wrap_angle
 from .calls import call_period
-from .poles import ARRIVED, ENDED, SEEN_NOTHING, follow_alone, follow_coarsely
+from .poles import ARRIVED, SEEN_NOTHING, follow_alone, follow_coarsely
+from .poles import ENDED as AT_POLE
 from .step_numbers import ASYMPTOTIC, MET, next_rungs, sort_by_rung
 from .step_numbers import DIVERGED as NOT_FINITE
 
-INACCURATE, ESCAPED, DIVERGED, OUT_OF_STEPS = 1, 2, 3, 5
+INACCURATE, ESCAPED, DIVERGED, OUT_OF_STEPS, ENDED = 1, 2, 3, 5, 6
 """What :class:`cellmap.maps.orbit_batch.Status` says of an orbit, as the numbers that kernels write."""
+
+MOST_ENDS = 16
+"""Ends that a system may have: each has a status, ENDED and those after it, and a label."""
 
 UNCHECKED, CHOSEN, COMPARED, DIFFERED = range(4)
 """Whether an orbit is integrated with a second number of steps: no, yes, it was, or with more still."""
@@ -291,10 +295,10 @@ def _examine(motion, batch, points, status, members, m):
             fate, spent = follow_coarsely(motion, batch.initial, k, place)
         else:
             fate, spent = follow_alone(motion, batch.initial, k, most, place)
-        if fate == ENDED:
+        if fate == AT_POLE:
             batch.rungs[m] = NOT_FINITE
             _end(points, status, k, DIVERGED)
-    if rung >= 0 or fate == ENDED:
+    if rung >= 0 or fate == AT_POLE:
         return spent
     if rung == NOT_FINITE or ratio > motion.digit or (doubtful and not _has_a_digit(motion, batch, points, k, m)):
         # Where events keep equal steps from arriving, it is not known which of the two to believe.
@@ -389,7 +393,7 @@ def iterate(discrete, points, rotations, status, lower, turn, periods):
                     points[k, j] = block[0, j, i]
                     inside &= abs(points[k, j]) < bound
                 if not inside:
-                    _end(points, status, k, DIVERGED)
+                    _end(points, status, k, _fate(block[0, 0, i]))
                 elif _wrap(points, rotations, status, k, lower, turn):
                     moving += 1
                     for j in range(d):
@@ -474,9 +478,18 @@ def _wrap(points, rotations, status, k, lower, turn):
     for j in range(points.shape[1]):
         small = abs(points[k, j]) < FARTHEST_STATE
         if not (small and wrap_angle(points, rotations, k, j, lower[j], turn[j])):
-            _end(points, status, k, DIVERGED)
+            _end(points, status, k, _fate(points[k, 0]))
             return False
     return True
+
+
+@inlined
+def _fate(first):
+    """Return what has become of an orbit that is beyond all bounds, by its first coordinate."""
+    number = first / END_PLACE
+    if 1.0 <= number <= MOST_ENDS and number == np.floor(number):
+        return ENDED - 1 + np.int64(number)
+    return DIVERGED
 
 
 @inlined

@@ -21,13 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..loops import inlined, loop_by_address
-from .blocks import BLOWN_UP, LANES
+from .blocks import BLOWN_UP, END_PLACE, LANES
 from .calls import PERIOD, array_at, call_begin, call_step
 from .collisions import begin_at_impacts, collide
 from .coupled_switches import doubt, doubt_of_one_surface, settle, wake
 from .events import NO_EVENT, land
 from .grazing import RECORDS, watch
-from .lane import SIGN, Event, Jumps, Lane, Surfaces, load, look, store, system_of
+from .lane import ENDS, SIGN, Event, Jumps, Lane, Surfaces, load, look, store, system_of
 from .switching import begin_on_surface, enter, leave, pass_event, project
 
 MANY = 512
@@ -103,7 +103,7 @@ def _step(system, block, end, rate):
 
 
 @inlined
-def _begin(system, block, work, start):
+def _begin(system, block, work, start, end):
     """Choose the modes in which the lanes of a block begin."""
     lane, surfaces, event, _ = work
     call_begin(system.begin, block.lanes, block.series, system.p, start)
@@ -122,7 +122,7 @@ def _begin(system, block, work, start):
                 event.values[:] = surfaces.values
                 settle(system, t, lane, surfaces, event)
             if system.impacts != 0:
-                begin_at_impacts(system, t, lane, surfaces, work.jumps)
+                t = begin_at_impacts(system, t, lane, surfaces, work.jumps, end)
             store(block.lanes, i, t, lane)
 
 
@@ -221,6 +221,12 @@ def _hand_back(system, block, end, states, errors):
             states[j, i] = block.lanes[j * LANES + i]
             errors[j, i] = block.lanes[(block.errors + j) * LANES + i] if through else 1e300
             total += abs(states[j, i])
+        number = 0.0
+        for e in range(system.switches):
+            if system.kinds[e] == ENDS:
+                number += 1.0
+                if block.lanes[(system.size + 1 + e) * LANES + i] < 0.0:
+                    states[0, i] = number * END_PLACE
         if not through and _HUGE * before < total < np.inf:
             errors[0, i] = BLOWN_UP
 
@@ -261,7 +267,7 @@ def period(single):
             for j in range(size):
                 for i in range(LANES):
                     lanes[j * LANES + i] = x[b, j, i]
-            _begin(system, block, work, start)
+            _begin(system, block, work, start, end)
             rounds = 8 * steps[b] + (1024 if system.impacts == 0 else 16384)
             moving, spent = 1, 0
             while moving and spent < rounds:

@@ -16,7 +16,7 @@ from ..._lib.checks import affordable_number, finite_number, of_the_user
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.records import Keyed
 from ..._lib.signatures import checked
-from ...attractors.labels import LABEL_NAMES, Label
+from ...attractors.labels import LABEL_NAMES, Label, label_names
 from ...basins.classification import labeller
 from ...basins.finding import labelled
 from ...basins.record import Basins
@@ -175,6 +175,7 @@ def basin_stability(
     else:
         labels, times = labelled(label.point_map, states, label.attractors, label.max_periods, client, checkpoint)
     undecided = int(np.count_nonzero(labels == Label.UNDECIDED))
+    others = label_names({"map": label.point_map.recipe})
     present = [code for code in LABEL_NAMES if (labels == code).any()]
     sampled = {}
     for k in [*range(len(label.attractors)), *present]:
@@ -184,7 +185,7 @@ def basin_stability(
             high = float(binomial_interval(count + undecided, number, confidence, method)[1])
         mean = count / number
         sampled[k] = SampledFraction(mean, float(np.sqrt(mean * (1.0 - mean) / number)), low, high, count)
-    names = {**dict(enumerate(distinct_names(label.attractors))), **{code: LABEL_NAMES[code] for code in present}}
+    names = {**dict(enumerate(distinct_names(label.attractors))), **{code: others[code] for code in present}}
     exponents = {k: float(a.exponents[0]) for k, a in enumerate(label.attractors)}
     return BasinStability(
         Keyed(sampled, "fractions", names),
@@ -320,7 +321,9 @@ def settling_statistics(
         names = {k: name for k, name in source.names.items() if k >= 0}
     labels, times = source.labels.ravel(), source.settling_time.ravel()
     found = {k: _statistics(name, times[labels == k], wanted) for k, name in names.items()}
-    others = {name: int(np.count_nonzero(labels == k)) for k, name in LABEL_NAMES.items()}
+    known = label_names(source.settings) if isinstance(source, Basins) else {**LABEL_NAMES, **source.names}
+    counts = {k: int(np.count_nonzero(labels == k)) for k in LABEL_NAMES}
+    others = {known[k]: count for k, count in counts.items() if count or k > Label.ENDED}
     return SettlingStatistics(Keyed(found, "basins", names), Keyed(others, "others"))
 
 

@@ -5,14 +5,14 @@ const COLOURS = [
   "#5C005C", "#0000B8", "#990A00", "#AD00FF", "#70F5AD", "#5C4770", "#A37AFF",
   "#C2E0FF", "#995233", "#523DCC", "#85B87A", "#700029", "#3D1485",
 ];
-// escaped, diverged, undecided, did not return, unlabelled, out of steps, doubtful
+// escaped, diverged, undecided, did not return, unlabelled, out of steps, doubtful, ended
 const CODES = {
   "-1": [184, 184, 184], "-2": [115, 115, 115], "-3": [0, 0, 0], "-4": [61, 61, 61], "-5": [255, 255, 255], "-6": [107, 68, 35],
-  "-7": [138, 138, 0],
+  "-7": [138, 138, 0], "-8": [187, 0, 136],
 };
 
 export function colourOf(number) {
-  if (number < 0) return CODES[number];
+  if (number < 0) return CODES[Math.max(number, -8)].map((c) => Math.round(255 - (255 - c) * 0.7 ** Math.max(0, -8 - number)));
   const value = parseInt(COLOURS[number % COLOURS.length].slice(1), 16);
   const paler = 0.55 ** Math.floor(number / COLOURS.length);
   return [value >> 16, (value >> 8) & 255, value & 255].map((c) => Math.round(255 - (255 - c) * paler));

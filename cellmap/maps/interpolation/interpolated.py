@@ -202,6 +202,7 @@ class Interpolated(MapSpec[PointMap]):
             escapes=outside == "escape",
             is_flow=exact.is_flow,
             no_image=exact.no_image,
+            ends=exact.ends,
             unknown_formulas=exact.unknown_formulas,
         )
         return with_spec(made, replace(self, table=kept))
