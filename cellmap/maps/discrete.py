@@ -24,7 +24,7 @@ from .._lib.signatures import checked
 from .compiled_advance import DiscreteAdvance
 from .coordinates import Coordinate, as_coordinates, turns_of
 from .impacts import check_ends
-from .misread import as_vectors, called_twice, check_compiled, lacking, trial_state, undefined
+from .misread import as_vectors, asks_for_more, called_twice, check_compiled, lacking, too_few, trial_state, undefined
 from .orbit_batch import Orbits, Status
 from .parameters_as_states import swept_axes, swept_function, swept_guard
 from .periodicity import value_at
@@ -253,7 +253,7 @@ def _timeless(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def _check_components(function: Callable[..., Any], params: Mapping[str, float], axes: Sequence[Coordinate]) -> None:
     record = parameter_record(tuple(params))(*params.values())
-    beyond: IndexError | None = None
+    beyond: Exception | None = None
     for start in (0.1, 0.37, 1.3):
         try:
             image = called_twice("function", function, tuple(start + 0.1 * j for j in range(len(axes))), record)
@@ -268,7 +268,7 @@ def _check_components(function: Callable[..., Any], params: Mapping[str, float],
                 f"function must be callable as function(x, p) and return a tuple: {error}{as_vectors(str(error))}"
             ) from error
         except Exception as error:
-            beyond = error if isinstance(error, IndexError) else beyond
+            beyond = error if asks_for_more(error) else beyond
             continue  # outside the domain of the function
         try:
             count = len(image)
@@ -282,7 +282,4 @@ def _check_components(function: Callable[..., Any], params: Mapping[str, float],
             )
         return
     if beyond is not None:
-        names = ", ".join(c.name for c in axes)
-        raise ValueError(
-            f"function asks for more state variables than there are coordinates ({names}): name each ({beyond})"
-        ) from beyond
+        raise too_few("function", axes, beyond) from beyond

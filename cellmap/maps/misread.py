@@ -14,6 +14,7 @@ from .._compiled.codegen.trace import State
 from .._compiled.kernels.blocks import LANES
 from .._lib.arrays import Floats
 from .coordinates import Coordinate
+from .scipy_signature import line_for
 
 PLACES = (0.01370521, 0.21093467, 0.47316089, 0.83052713)
 """Times in periods where nobody lets a forcing jump: one and that a period later might see other sides there."""
@@ -65,19 +66,10 @@ def misread(
         return ValueError(f"{functions} reads beyond the end of a list or an array at every state tried ({text})")
     if isinstance(error, NameError):
         return undefined(functions, error)
-    if isinstance(error, ValueError) and "to unpack" in text:
-        one = len(names) == 1 and len(listed) > 1
-        such = f", such as {tuple(listed)!r}" if one else ""
-        return ValueError(
-            f"{functions} fails at every state tried ({text}): give one coordinate for each state variable, where "
-            f"coordinates={listed!r} has {len(names)}{such}"
+    if asks_for_more(error):
+        return too_few(
+            functions, axes, error, "" if switches is None else ", or give as many switches as there are signs"
         )
-    if isinstance(error, IndexError):
-        if len(names) == 1 and len(listed) > 1:
-            remedy = f"coordinates={listed!r} is one name: give one for each, such as {tuple(listed)!r}"
-        else:
-            remedy = "name each" if switches is None else "name each, or give as many switches as there are signs"
-        return ValueError(f"{functions} asks for more state variables than there are coordinates ({listed}): {remedy}")
     if "indices must be" in text and "not str" in text:
         return TypeError(f"{functions} reads a parameter as p['name']: p is a named tuple; write p.name ({text})")
     form = "rhs(t, x, p)" if switches is None else "rhs(t, x, p, s), and switches as switches(t, x, p),"
@@ -91,8 +83,29 @@ def misread(
             return TypeError("rhs takes the state before the time: it must be callable as rhs(t, x, p), time first")
     if "not iterable" in text:
         text += "; return one derivative for each coordinate, `return (value,)` for one"
-    text += as_vectors(text)
+    text += as_vectors(text) or line_for(rhs, arguments[2])
     return TypeError(f"rhs must be callable as {form} and return a tuple: {text}")
+
+
+def asks_for_more(error: Exception | None) -> bool:
+    """Tell whether an error is that of a function that takes another number of state variables than there are."""
+    return isinstance(error, IndexError) or (isinstance(error, ValueError) and "to unpack" in str(error))
+
+
+def too_few(functions: str, axes: Sequence[Coordinate], error: Exception, otherwise: str = "") -> ValueError:
+    """Return what is said of a function that takes another number of state variables than there are coordinates."""
+    names = [c.name for c in axes]
+    listed = ", ".join(names)
+    if isinstance(error, ValueError):
+        such = f", such as {tuple(listed)!r}" if len(names) == 1 and len(listed) > 1 else ""
+        return ValueError(
+            f"{functions} fails at every state tried ({error}): give one coordinate for each state variable, where "
+            f"coordinates={listed!r} has {len(names)}{such}"
+        )
+    remedy = f"name each{otherwise}"
+    if len(names) == 1 and len(listed) > 1:
+        remedy = f"coordinates={listed!r} is one name: give one for each, such as {tuple(listed)!r}"
+    return ValueError(f"{functions} asks for more state variables than there are coordinates ({listed}): {remedy}")
 
 
 def as_vectors(text: str) -> str:

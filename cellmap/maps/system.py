@@ -10,10 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._compiled.codegen.captured import captured
-from .._compiled.codegen.expression import ImpureError
 from .._compiled.codegen.rebind import over_arrays
-from .._compiled.codegen.trace import State, StateChangedError, parameter_record
+from .._compiled.codegen.trace import State, parameter_record
 from .._lib.arrays import Floats
 from .._lib.checks import (
     changed_parameters,
@@ -32,8 +30,10 @@ from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates
 from .impacts import REMEDY, Impact, check_ends, guard_in_time, joined, try_impact
-from .misread import PLACES, called_twice, differ, lacking, misread, short, trial_state
+from .misread import PLACES, lacking, trial_state
 from .periodicity import InTime, check_periodic, shortest_period
+from .scipy_signature import with_parameters
+from .trials import try_right_hand_side
 
 RightHandSide = Callable[..., Sequence[float]]
 """``rhs(t, x, p)``, or ``rhs(t, x, p, s)`` with the signs of switching functions."""
@@ -131,8 +131,6 @@ class ForcedSystem:
         if not isinstance(self.impacts, Sequence) or not all(isinstance(i, Impact) for i in self.impacts):
             raise TypeError(f"impacts={shown(self.impacts)}: give a sequence of Impact(guard, reset)")
         set_field("impacts", tuple(self.impacts))
-        places = trial_state(self.dimension), self.parameters
-        set_field("ends", check_ends(self.ends, "t, x, p", (PLACES[0] * self.length, *places)))
         if not isinstance(self.outputs, Mapping) or not all(callable(f) for f in self.outputs.values()):
             raise TypeError(f"outputs={shown(self.outputs)}: give functions f(t, x, p) by name")
         for name in self.outputs:
@@ -141,12 +139,65 @@ class ForcedSystem:
         for name, unit in self.parameter_units.items():
             label(f"parameter_units[{known_parameter('parameter_units', name, self.params, 'system')!r}]", unit)
         finite_number("period", self.length, above=0.0)
-        self._try_right_hand_side()
+        places = trial_state(self.dimension), self.parameters
+        set_field("ends", check_ends(self.ends, "t, x, p", (PLACES[0] * self.length, *places)))
+        try_right_hand_side(self, self._in_time)
         for k, impact in enumerate(self.impacts):
             try_impact(k, impact, self.length, self.axes, self.parameters)
         for name, guard in self.ends.items():
             along_time = functools.partial(guard_in_time, guard, *places)
             check_periodic(f"ends[{name!r}]", along_time, self.length, REMEDY)
+
+    @classmethod
+    def from_scipy(
+        cls,
+        fun: Callable[..., Any],
+        args: Sequence[Any] = (),
+        *,
+        period: float | Callable[[Any], float],
+        coordinates: Iterable[str | Coordinate],
+        params: Mapping[str, Any] | None = None,
+        **further: Any,
+    ) -> ForcedSystem:
+        """Return the system of a function that :func:`scipy.integrate.solve_ivp` takes.
+
+        Parameters
+        ----------
+        fun : callable
+            Function ``fun(t, y)`` or ``fun(t, y, *args)`` of time, the array of states, and further arguments.
+        args : sequence, optional
+            Further arguments in the order of `fun`.  Those that are numbers, or arrays of them, become parameters under
+            the names that `fun` has for them; others are constants.
+        period, coordinates
+            As for :class:`ForcedSystem`.
+        params : mapping of str to float or ndarray, optional
+            Further arguments by name, in place of `args` or after them.
+        **further
+            Other arguments of :class:`ForcedSystem`, such as `ends`.
+
+        Returns
+        -------
+        ForcedSystem
+            The system, whose `repr` names the parameters.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For arguments that `fun` does not have, or without a value, and as for :class:`ForcedSystem`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> def fun(t, y, delta, gamma):
+        ...     dy = np.zeros(2)
+        ...     dy[0] = y[1]
+        ...     dy[1] = y[0] - y[0] ** 3 - delta * y[1] + gamma * np.cos(t)
+        ...     return dy
+        >>> ForcedSystem.from_scipy(fun, (0.15, 0.2), period=2 * np.pi, coordinates=("q", "v"))
+        ForcedSystem(fun: delta=0.15, gamma=0.2; period 6.28319)
+        """
+        rhs, parameters = with_parameters(fun, args, params)
+        return cls(rhs, parameters, period, coordinates, **further)
 
     def __repr__(self) -> str:
         values = parameters_in_words(self.params)
@@ -305,63 +356,3 @@ class ForcedSystem:
             ) from None
         function = over_arrays(self.outputs[name])
         return np.stack(np.broadcast_arrays(times, *function(times, tuple(columns), self.parameters))[1:], axis=-1)
-
-    def _try_right_hand_side(self) -> None:
-        """Call the right-hand side at a few times and states; check what it returns, its period and its angles."""
-        places = trial_state(self.dimension)
-        angles = [(j, c) for j, c in enumerate(self.axes) if c.period is not None]
-        functions = "rhs" if self.switches is None else "rhs with its switches"
-        failure: Exception | None = None
-        checked = False
-        before = captured(self.rhs)
-        for fraction in PLACES:
-            t = fraction * self.length
-            try:
-                now = called_twice(functions, self.derivative, t, places)
-                turned = [
-                    self.derivative(t, [*places[:j], places[j] + (c.period or 0.0), *places[j + 1 :]])
-                    for j, c in angles
-                ]
-            except (ImpureError, StateChangedError):
-                raise
-            except (AttributeError, NameError, TypeError) as error:
-                raise misread(self.rhs, self.switches, (t, places, self.parameters), self.axes, error) from error
-            except Exception as error:
-                failure = error
-                continue  # outside the domain of the right-hand side; other places may be inside
-            if len(now) != self.dimension:
-                names = ", ".join(c.name for c in self.axes)
-                raise ValueError(
-                    f"rhs returns {len(now)} components for {self.dimension} coordinates ({names}): "
-                    "return one derivative for each coordinate"
-                )
-            if any(isinstance(v, complex) for v in now):
-                failure = TypeError(f"rhs returns {now!r}: its components must be real numbers")
-                continue  # outside the domain of a power
-            if not all(isinstance(v, int | float | np.floating | np.integer) for v in now):
-                raise TypeError(f"rhs returns {now!r}: its components must be real numbers")
-            for (_, c), there in zip(angles, turned, strict=True):
-                if differ(now, there):
-                    raise ValueError(
-                        f"coordinates: rhs is {short(now)} and one period of {c.name} further on {short(there)}, so "
-                        f"{c.name} is not an angle of period {c.period:g}; give period= its period, or the "
-                        "name alone if it is no angle"
-                    )
-            checked = True
-        if captured(self.rhs) != before:
-            raise ValueError(
-                "rhs changes a value outside of it: it must depend on t, x and p alone, for it is not called in the "
-                "order of time. Declare events at which the state jumps as impacts=[Impact(guard, reset)]"
-            )
-        if not checked and (isinstance(failure, IndexError) or "to unpack" in str(failure)):
-            assert failure is not None, "nothing was checked"
-            arguments = (0.0, places, self.parameters)
-            raise misread(self.rhs, self.switches, arguments, self.axes, failure) from failure
-        if not checked and isinstance(failure, TypeError):
-            raise failure
-        if not checked:
-            raise ValueError(
-                f"rhs fails at every state tried, such as {places} ({failure}): check its domain, and that "
-                "there is one coordinate for each state variable"
-            ) from failure
-        check_periodic(functions, self._in_time, self.length)

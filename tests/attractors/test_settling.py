@@ -200,6 +200,7 @@ def test_each_way_to_end_has_its_label():
         "UNLABELLED": -5,
         "OUT_OF_STEPS": -6,
         "DOUBTFUL": -7,
+        "ENDED": -8,
     }
     ends = {s: Label[s.name] if s.name in Label.__members__ else Label.UNDECIDED for s in Status}
     assert label_of(list(ends)).tolist() == list(ends.values())
