@@ -204,7 +204,9 @@ def test_each_way_to_end_has_its_label():
     }
     ends = {s: Label[s.name] if s.name in Label.__members__ else Label.UNDECIDED for s in Status}
     assert label_of(list(ends)).tolist() == list(ends.values())
-    assert list(LABEL_NAMES) == list(Label)
+    further = [Label.ENDED - k for k in range(1, 16)]
+    assert list(LABEL_NAMES) == [*Label, *further]
+    assert label_of([Status.ENDED + 15]).tolist() == further[-1:]
 
 
 def test_a_rule_sees_points_and_tells_any_number():
