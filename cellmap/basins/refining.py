@@ -18,7 +18,7 @@ from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
 from ..attractors.given import check_attractors
-from ..attractors.labels import Label
+from ..attractors.labels import LABEL_NAMES, Label
 from ..attractors.search import affordable_period
 from ..maps.coordinates import difference
 from ..maps.grid import CellGrid
@@ -147,7 +147,7 @@ class _Frames:
         order = sorted(range(len(attractors)), key=lambda k: sort_key(attractors[k]))
         labels = run.store.labels.copy()
         if order != sorted(order):
-            labels = new_numbers(order, np.arange(len(attractors)))[labels - min(Label)]
+            labels = new_numbers(order, np.arange(len(attractors)))[labels - min(LABEL_NAMES)]
         basins = replace(
             run.described(self.settings, seconds),
             labels=labels.reshape(run.store.shape),
