@@ -8,6 +8,7 @@ for objects; elementary functions are those of expressions, and what LAPACK comp
 from __future__ import annotations
 
 import functools
+import importlib
 import types
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -17,7 +18,7 @@ import numpy as np
 from .elementary import clip, elementary_functions, nearest, where
 from .expression import Answer, Comparison, ComparisonError, Expression, UntraceableError
 from .rebind import CANONICAL_NAMES
-from .tables import TableError, interpolated
+from .tables import TableError, interpolated, piecewise
 
 LARGEST_MATRIX = 6
 """Of a system of linear equations that is solved by formulas, of which there are twice as many for each row more."""
@@ -67,6 +68,8 @@ def in_a_trace(value: Any) -> Any:
     """Return what a value is to a traced function: arrays of floats, and functions that make them, are other ones."""
     if isinstance(value, np.ndarray):
         return _traced(value)
+    if type(value).__module__.startswith("scipy.interpolate") and hasattr(value, "extrapolate"):
+        return _Spline(value)
     of_numpy = isinstance(value, np.ufunc) or (getattr(value, "__module__", None) or "").partition(".")[0] == "numpy"
     is_function = isinstance(value, _FUNCTIONS) or hasattr(type(value), "makemat")  # of which np.r_ is one
     return _Function(value) if of_numpy and is_function and CANONICAL_NAMES.get(value) != "print" else value
@@ -89,6 +92,36 @@ class _Function:
         return _traced(self._function[key])
 
 
+class _Spline:
+    """Piecewise polynomial of SciPy in a traced function."""
+
+    def __init__(self, spline: Any) -> None:
+        self._spline = spline
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._spline, name)
+        return (lambda *arguments: in_a_trace(found(*arguments))) if callable(found) else in_a_trace(found)
+
+    def __call__(self, x: Any, nu: int = 0, extrapolate: Any = None) -> Any:
+        spline, extrapolate = self._spline, self._spline.extrapolate if extrapolate is None else extrapolate
+        if not is_symbolic(x):
+            return _traced(spline(_numbers(x), nu, extrapolate))
+        if hasattr(spline, "t"):
+            spline = importlib.import_module("scipy.interpolate").PPoly.from_spline(spline)
+        spline = spline.derivative(nu) if nu else spline
+        if spline.c.ndim != 2 or not extrapolate:
+            raise UntraceableError(
+                "a spline has several values, or none beyond its ends: give one for each that goes on"
+            )
+        pieces = np.flatnonzero(np.diff(spline.x) > 0.0)
+        places, coefficients = spline.x[[*pieces, -1]], spline.c[:, pieces]
+
+        value = functools.partial(
+            piecewise, places=places, coefficients=coefficients, repeats=extrapolate == "periodic"
+        )
+        return _traced(_by_entries(value)(x))
+
+
 def applied(function: Any, arguments: Sequence[Any], options: dict[str, Any], method: str = "__call__") -> Any:
     """Apply a function of NumPy to numbers and expressions, or a method of one that has several.
 
@@ -100,7 +133,10 @@ def applied(function: Any, arguments: Sequence[Any], options: dict[str, Any], me
     symbolic = is_symbolic([*arguments, *options.values()])
     arguments = [*arguments[:1], *(_kind(a, symbolic) for a in arguments[1:])]
     options = {name: _kind(value, symbolic) for name, value in options.items()}
-    rule = _RULES.get(function) or elementary_functions().get(CANONICAL_NAMES.get(function, ""))
+    name = CANONICAL_NAMES.get(function, "")
+    if isinstance(function, np.ufunc) and getattr(np, function.__name__, None) is not function:
+        name = function.__name__  # one of SciPy
+    rule = _RULES.get(function) or elementary_functions().get(name)
     try:
         if isinstance(function, np.ufunc):
             if function is not np.matmul or not symbolic:
@@ -118,9 +154,7 @@ def applied(function: Any, arguments: Sequence[Any], options: dict[str, Any], me
         if not symbolic:
             raise
         name = getattr(function, "__qualname__", None) or function.__name__
-        raise UntraceableError(
-            f"NumPy's {name} has no formula for values that depend on x, t or p ({error})"
-        ) from error
+        raise UntraceableError(f"{name} has no formula for values that depend on x, t or p ({error})") from error
 
 
 def _kind(value: Any, symbolic: bool) -> Any:

@@ -11,8 +11,9 @@ import numpy as np
 import numpy.linalg as la
 import pytest
 from numpy import zeros
+from scipy import integrate, interpolate, special
 
-from cellmap import ForcedSystem, stroboscopic_map
+from cellmap import ForcedSystem, discrete_map, stroboscopic_map
 from cellmap._compiled.codegen.expression import UntraceableError, in_order
 from cellmap._compiled.codegen.trace import Trace, is_faithful, parameter_record, trace
 
@@ -228,3 +229,57 @@ def test_objects_and_arrays_of_the_user_stay_as_they_are() -> None:
     assert type(oscillator.spring) is Spring
     assert type(STIFFNESS) is np.ndarray
     assert np.array_equal(STIFFNESS, before)
+
+
+EQUAL, APART = np.linspace(-3.0, 3.0, 13), np.array([-3.0, -1.2, 0.0, 0.4, 1.0, 3.0])
+TURN = np.linspace(0.0, 2.0 * math.pi, 9)
+ROUND = interpolate.CubicSpline(TURN, np.append(np.cos(TURN[:-1]), 1.0), bc_type="periodic")
+SPLINES: dict[str, Any] = {
+    "equal distances": interpolate.CubicSpline(EQUAL, np.tanh(EQUAL)),
+    "other distances": interpolate.CubicSpline(APART, np.tanh(APART)),
+    "monotone": interpolate.PchipInterpolator(APART, APART**3),
+    "of SciPy's B-splines": interpolate.make_interp_spline(EQUAL, np.sin(3.0 * EQUAL)),
+    "periodic": ROUND,
+    "a derivative": ROUND.derivative(),
+}
+
+
+@pytest.mark.parametrize("kind", SPLINES)
+def test_splines_are_located_at_their_knots(kind: str) -> None:
+    spline = SPLINES[kind]
+
+    def rhs(t: float, x: Any, p: Any) -> Any:
+        return x[1], -spline(x[0]) - 0.1 * x[1] + 0.3 * ROUND(t)
+
+    strobe = stroboscopic_map(ForcedSystem(rhs, {}, 2.0 * math.pi, ("q", "v")))
+    assert strobe.unknown_formulas == ""
+    found = integrate.solve_ivp(lambda t, y: rhs(t, y, None), (0.0, 2.0 * math.pi), (0.5, 0.3), "DOP853", None,
+                                rtol=1e-10, atol=1e-10, max_step=0.05).y[:, -1]  # fmt: skip
+    assert strobe([0.5, 0.3]) == pytest.approx(found, abs=2e-7)
+    image = discrete_map(lambda x, p: (spline(x[0]) + spline(x[0], 1),), {}, ("x",))
+    for place in (-4.0, -1.2, 0.1, 2.9, 3.5):
+        assert image([place])[0] == pytest.approx(float(spline(place) + spline(place, 1)), abs=1e-12)
+
+
+def test_tables_that_repeat_count_their_pieces_by_one_switch() -> None:
+    """Of a state and of a shifted time: a period begins where a piece does, in the middle of a motion."""
+    places = np.linspace(0.0, 2.0, 9)
+
+    def rhs(t: float, x: Any, p: Any) -> Any:
+        force = np.interp(x[0], places, np.sin(np.pi * places), period=2.0)
+        return x[1], 0.3 - force - 0.1 * x[1] + 0.2 * ROUND(t + 1.0)
+
+    system = ForcedSystem(rhs, {}, 2.0 * math.pi, ("q", "v"))
+    found = integrate.solve_ivp(system.fun, (0.0, 2.0 * math.pi), (0.5, 0.8), rtol=1e-8, atol=1e-10, max_step=0.01).y[
+        :, -1
+    ]
+    assert stroboscopic_map(system)([0.5, 0.8]) == pytest.approx(found, abs=1e-5)
+
+
+def test_special_functions_with_a_formula_have_it_and_others_say_so() -> None:
+    def rhs(t: float, x: Any, p: Any) -> Any:
+        return special.expit(x[0]) + special.ndtr(x[1]), special.erf(np.array(x))[1] + special.logit(0.3)
+
+    assert is_faithful(trace(rhs, 2, ()), rhs, (), ())
+    with pytest.raises(UntraceableError, match="jv has no formula"):
+        trace(lambda t, x, p: (special.jv(0, x[0]),), 1, ())
