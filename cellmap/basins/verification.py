@@ -12,7 +12,7 @@ from .._lib.arrays import Bools, Floats
 from .._lib.binomial import binomial_interval
 from .._lib.randomness import Rng, random_numbers
 from .._lib.threads import run_over, slices
-from ..attractors.kinds.creeping import drawn_to
+from ..attractors.kinds.creeping import owners_at_last
 from ..attractors.kinds.mixing import unmixed
 from ..attractors.labels import Label, label_type
 from ..attractors.regions.extents import ways_of
@@ -127,8 +127,8 @@ def verified(
         owners = settle(exact, late.orbits, catalogue, period).labels
         late.labels[slow] = np.where((owners >= 0) & nearer, owners, Label.UNDECIDED)
         left = np.flatnonzero(late.labels[slow] == Label.UNDECIDED)
-        creep = drawn_to(exact, late.orbits.points[left], attractors)
-        late.labels[slow[left]] = np.where(creep >= 0, creep, Label.UNDECIDED)
+        last = owners_at_last(exact, late.orbits[left], attractors)
+        late.labels[slow[left]] = np.where(last >= 0, last, Label.UNDECIDED)
         found[part.start + early.undecided] = late.labels
 
     run_over(slices(len(drawn), CHUNK // 8), label)
@@ -161,7 +161,8 @@ def _separate(
     """
     separate = np.zeros(len(points), bool)
     for k, attractor in enumerate(attractors):
-        if attractor.kind not in (Kind.CHAOTIC, Kind.QUASIPERIODIC):
+        together = attractor.subspace is not None and attractor.subspace.is_neutral
+        if together or attractor.kind not in (Kind.CHAOTIC, Kind.QUASIPERIODIC):
             continue
         rows = np.flatnonzero(given == k)
         for some in (rows[:_FOLLOWED], rows):

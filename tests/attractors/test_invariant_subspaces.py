@@ -62,6 +62,7 @@ def test_chaos_in_a_subspace_that_attracts_on_average(f: Any, region: Any) -> No
     assert len(on) > 20
     assert np.isfinite(point_map.orbit(on, 20_000).points[-1]).all()
     assert (basins.labels == Label.UNDECIDED).mean() < 0.05
+    assert basins.verify(40).wrong == basins.verify(40, search=True).wrong == 0
 
 
 def test_the_depth_is_that_of_one_in_a_thousand() -> None:
@@ -113,6 +114,7 @@ def test_chaos_on_the_two_sides_of_a_plane_is_two_attractors(f: Any, values: tup
         signs = np.sign(basins.grid.centres()[..., 1])
         assert len(np.unique(basins.labels[signs > 0])) == len(np.unique(basins.labels[signs < 0])) == 1
         assert len(set(distinct_names(basins.attractors))) == 2
+    assert basins.verify(40, search=True).searched == 2
 
 
 def test_a_plane_that_orbits_cross_divides_nothing() -> None:

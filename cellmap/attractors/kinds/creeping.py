@@ -177,6 +177,15 @@ def _straight_on(
     return good
 
 
+def owners_at_last(point_map: PointMap, orbits: Orbits, attractors: Sequence[Attractor]) -> Ints:
+    """Return the attractors that orbits have not been captured by, but come to as far as one can see, -1 for none."""
+    owners = drawn_to(point_map, orbits.points, attractors)
+    for rule in (averaged_owners, owners_in_subspaces):
+        left = np.flatnonzero((owners < 0) & orbits.alive)
+        owners[left] = rule(point_map, orbits.points[left], attractors)
+    return owners
+
+
 def settled_at_last(
     point_map: PointMap, attractors: Sequence[Attractor], age: int, settled: Settled, bound: Floats | None = None
 ) -> Settled:
@@ -187,11 +196,7 @@ def settled_at_last(
     """
     if bound is not None:
         settled = without_escaped(point_map, settled, bound, age)
-    rows, owners = settled.undecided, drawn_to(point_map, settled.orbits.points, attractors)
-    left = np.flatnonzero((owners < 0) & settled.orbits.alive)
-    owners[left] = averaged_owners(point_map, settled.orbits.points[left], attractors)
-    left = np.flatnonzero((owners < 0) & settled.orbits.alive)
-    owners[left] = owners_in_subspaces(point_map, settled.orbits.points[left], attractors)
+    rows, owners = settled.undecided, owners_at_last(point_map, settled.orbits, attractors)
     labels, times = settled.labels.copy(), settled.times.copy()
     labels[rows] = np.where(owners >= 0, owners, labels[rows])
     times[rows] = np.where(owners >= 0, age, times[rows])
