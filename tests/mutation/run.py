@@ -146,7 +146,9 @@ def forked(work: Callable[[], int], limit: float, log: Path | None = None) -> tu
         status = TOOL_FAILED
         try:
             os.setpgid(0, 0)
-            resource.setrlimit(resource.RLIMIT_CPU, (int(limit) + 1, int(limit) + 2))
+            allowed = resource.getrlimit(resource.RLIMIT_CPU)[1]
+            most = 2**62 if allowed == resource.RLIM_INFINITY else allowed  # which whoever runs this has set
+            resource.setrlimit(resource.RLIMIT_CPU, (min(int(limit) + 1, most), min(int(limit) + 2, most)))
             if log:
                 out = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
                 os.dup2(out, 1)
