@@ -107,9 +107,9 @@ def continue_codimension_two(
     >>> cubic = discrete_map(lambda x, p: (x[0] + p.a + p.b * x[0] + p.c * x[0]**2 - x[0]**3,), params, ("x",))
     >>> branch = continue_orbit(cubic, periodic_orbit(cubic, [-1.2]), "a", -1.0, 1.0)
     >>> fold = branch.of_kind(BifurcationKind.FOLD)[0]
-    >>> folds = continue_bifurcation(branch, fold, "b", (-1.0, 1.0), (-1.0, 1.0))
+    >>> folds = continue_bifurcation(branch, fold, "b", (-1.0, 1.0), (-1.0, 1.0), step=0.1)
     >>> cusp = folds.codimension_two()[0]
-    >>> cusps = continue_codimension_two(folds, cusp, "c", (-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0))
+    >>> cusps = continue_codimension_two(folds, cusp, "c", (-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), step=0.1)
     >>> a, b, c = cusps.values.T
     >>> bool((abs(b + c**2 / 3) < 1e-10).all() and (abs(a - c**3 / 27) < 1e-10).all())
     True

@@ -190,6 +190,7 @@ def test_every_tile_is_delivered_once_and_few_are_under_way(client):
     assert max(most) <= 5 * 16  # two groups for each of two threads, and the one that takes the place of another
 
 
+@pytest.mark.thorough
 def test_a_killed_worker_loses_nothing(lonely, tmp_path):
     """The only worker is killed, with the work that it holds and tiles that are half done; another takes its place."""
     marker = tmp_path / "working"

@@ -76,6 +76,7 @@ def test_a_wrong_mutant_is_killed_and_an_equivalent_one_survives(tree: Path) -> 
     assert "tiny: 3 of 6 killed" in done.stdout
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tests", [TESTS + "\n    assert larger(1, 1) == 0\n", ""])
 def test_tests_that_fail_or_are_none_judge_nothing(tree: Path, tests: str) -> None:
     (tree / "tests/tiny/test_larger.py").write_text(tests)
