@@ -36,7 +36,7 @@ FURTHER = [pytest.param(angle, marks=pytest.mark.thorough) for angle in (0.0, 0.
         pytest.param(line, 100_001, 1.0, id="line"),
         pytest.param(cantor, 14, CANTOR, id="Cantor"),
         pytest.param(koch, 10, KOCH, id="Koch", marks=pytest.mark.thorough),
-        pytest.param(cantor_square, 9, 2.0 * CANTOR, id="Cantor squared"),
+        pytest.param(cantor_square, 10, 2.0 * CANTOR, id="Cantor squared"),
     ],
 )
 def test_known_sets(made, size, exact, angle):
