@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import Any
 
@@ -41,10 +41,14 @@ LABEL_NAMES |= {Label.ENDED - k: f"end {k + 1}" for k in range(MOST_ENDS)}
 """Names of the labels that are not attractors."""
 
 
-def label_names(settings: Mapping[str, Any]) -> dict[int, str]:
-    """Return the names of labels that are not attractors, with those of ends in the recipe of a map among settings."""
-    ends = settings.get("map", {}).get("end_names", ())
+def label_names(ends: Sequence[str]) -> dict[int, str]:
+    """Return the names of labels that are not attractors, with those of the ends of a system."""
     return LABEL_NAMES | {Label.ENDED - k: name for k, name in enumerate(ends)}
+
+
+def stored_names(settings: Mapping[str, Any]) -> dict[int, str]:
+    """Return the names of labels that are not attractors, with those of ends in the recipe of a map among settings."""
+    return label_names(settings.get("map", {}).get("end_names", ()))
 
 
 LABELS_OF = np.full(Status.ENDED + MOST_ENDS, Label.UNDECIDED, np.int64)

@@ -240,7 +240,7 @@ def _nothing_found(point_map: PointMap, labels: Ints, reasons: Sequence[Reason],
     """Tell why orbits came to no attractor: how they ended, and why those that did not are undecided."""
     ended = [
         f"{np.count_nonzero(labels == k)} {name}"
-        for k, name in label_names({"map": point_map.recipe}).items()
+        for k, name in label_names(point_map.ends).items()
         if (labels == k).any()
     ]
     text = f"no attractor was found from {len(labels)} initial conditions: {', '.join(ended)}"

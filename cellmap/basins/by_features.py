@@ -16,7 +16,7 @@ from .._lib.signatures import checked
 from .._lib.threads import slices
 from ..attractors.features.feature_groups import FeatureGroups, check_clusterer, grouped
 from ..attractors.features.orbit_features import Features, extents, features_of, settled
-from ..attractors.labels import LABEL_NAMES, Label, label_names, label_of
+from ..attractors.labels import LABEL_NAMES, Label, label_of, stored_names
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Status
@@ -71,7 +71,7 @@ class FeatureBasins:
     def label_name(self, label: int) -> str:
         """Return the meaning of a label."""
         one_of("label", label, (*range(len(self.representatives)), *LABEL_NAMES))
-        return f"group {label}" if label >= 0 else label_names(self.settings)[label]
+        return f"group {label}" if label >= 0 else stored_names(self.settings)[label]
 
     @property
     def fractions(self) -> dict[int, Fraction]:

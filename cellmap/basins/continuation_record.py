@@ -13,7 +13,7 @@ from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import one_of
 from .._lib.records import Array, ConvertsToXarray, Layout
 from .._lib.signatures import checked
-from ..attractors.labels import LABEL_NAMES, label_names
+from ..attractors.labels import LABEL_NAMES, stored_names
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
@@ -148,7 +148,7 @@ class BasinContinuation(ConvertsToXarray):
         """Return the meaning of a label: for an attractor its name at the value where it first appears."""
         one_of("label", label, (*self.labels, *LABEL_NAMES))
         if label < 0:
-            return label_names(self.settings)[label]
+            return stored_names(self.settings)[label]
         return distinct_names([_first(self.attractors, k) for k in self.labels if k >= 0])[label]
 
 

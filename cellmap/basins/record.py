@@ -16,7 +16,7 @@ from .._lib.randomness import Rng
 from .._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Keyed, Layout, ShownAsHtml
 from .._lib.signatures import checked
 from .._lib.threads import slices
-from ..attractors.labels import LABEL_NAMES, label_names
+from ..attractors.labels import LABEL_NAMES, stored_names
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost
@@ -117,7 +117,7 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
     @property
     def _meanings(self) -> dict[int, str]:
         """Names of all labels that there may be."""
-        return dict(enumerate(distinct_names(self.attractors))) | label_names(self.settings)
+        return dict(enumerate(distinct_names(self.attractors))) | stored_names(self.settings)
 
     @checked
     def label_name(self, label: int) -> str:

@@ -100,20 +100,13 @@ def try_impact(k: int, impact: Impact, period: float, axes: Sequence[Coordinate]
     """Call the guard and the reset of the k-th impact of a system; check what they return, and their angles."""
     place = trial_state(len(axes))
     for name, count in (("guard", 1), ("reset", len(axes))):
-        try:
-            arguments = (PLACES[0] * period, place, parameters)
-            found = called_twice(f"impacts[{k}].{name}", getattr(impact, name), *arguments)
-        except ImpureError:
-            raise
-        except (AttributeError, IndexError, TypeError) as error:
-            raise ValueError(f"impacts[{k}].{name} fails at {place}: {error}") from error
-        except Exception:
-            continue  # outside the domain of the function
-        values = np.atleast_1d(np.array(found, dtype=object))
-        if len(values) != count or not all(isinstance(v, int | float | np.number) for v in values):
-            what = "a number" if name == "guard" else f"the {count} state variables after the impact"
-            raise ValueError(f"impacts[{k}].{name} returns {shown(found)}: return {what}")
-        check_periodic(f"impacts[{k}].{name}", _in_time(getattr(impact, name), place, parameters), period, REMEDY)
+        what, function = f"impacts[{k}].{name}", getattr(impact, name)
+        for found in _tried(what, function, PLACES[0] * period, place, parameters):
+            values = np.atleast_1d(np.array(found, dtype=object))
+            if len(values) != count or not all(isinstance(v, int | float | np.number) for v in values):
+                returned = "a number" if name == "guard" else f"the {count} state variables after the impact"
+                raise ValueError(f"{what} returns {shown(found)}: return {returned}")
+            check_periodic(what, in_time(function, place, parameters), period, REMEDY)
     for fraction, (j, c) in itertools.product(PLACES, enumerate(axes)):
         if c.period is not None:
             there = (*place[:j], place[j] + c.period, *place[j + 1 :])
@@ -131,28 +124,28 @@ def check_ends(ends: Any, form: str, arguments: tuple[Any, ...]) -> dict[str, Ca
             raise TypeError(
                 f"ends[{name!r}]={shown(guard)}: give a function guard({form}) that is positive beyond the end"
             )
-        try:
-            found = called_twice(f"ends[{name!r}]", guard, *arguments)
-        except ImpureError:
-            raise
-        except (AttributeError, IndexError, TypeError) as error:
-            raise ValueError(f"ends[{name!r}] fails at {arguments[-2]}: {error}") from error
-        except Exception:
-            continue  # outside the domain of the function
-        if np.ndim(found) or isinstance(found, bool | np.bool) or not isinstance(found, int | float | np.number):
-            raise ValueError(
-                f"ends[{name!r}] returns {shown(found)}: return a number that is positive beyond the end, such as "
-                "x[0] - 2.0 for x[0] > 2.0"
-            )
+        for found in _tried(f"ends[{name!r}]", guard, *arguments):
+            if np.ndim(found) or isinstance(found, bool | np.bool) or not isinstance(found, int | float | np.number):
+                raise ValueError(
+                    f"ends[{name!r}] returns {shown(found)}: return a number that is positive beyond the end, such as "
+                    "x[0] - 2.0 for x[0] > 2.0"
+                )
     return dict(ends)
 
 
-def guard_in_time(guard: StateFunction, place: tuple[float, ...], parameters: Any, t: float) -> tuple[float]:
-    """Return a guard at a time."""
-    return (guard(t, place, parameters),)
+def _tried(what: str, function: Callable[..., Any], *arguments: Any) -> tuple[Any, ...]:
+    """Return what a function returns of some arguments, the last but one a state; nothing outside of its domain."""
+    try:
+        return (called_twice(what, function, *arguments),)
+    except ImpureError:
+        raise
+    except (AttributeError, IndexError, TypeError) as error:
+        raise ValueError(f"{what} fails at {arguments[-2]}: {error}") from error
+    except Exception:
+        return ()
 
 
-def _in_time(function: StateFunction, place: tuple[float, ...], parameters: Any) -> InTime:
+def in_time(function: StateFunction, place: tuple[float, ...], parameters: Any) -> InTime:
     """Return a guard or a reset as a function of time, at one state."""
     return lambda t: tuple(np.atleast_1d(function(t, place, parameters)))
 

@@ -29,7 +29,7 @@ from .._lib.checks import (
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates
-from .impacts import REMEDY, Impact, check_ends, guard_in_time, joined, try_impact
+from .impacts import REMEDY, Impact, check_ends, in_time, joined, try_impact
 from .misread import PLACES, lacking, trial_state
 from .periodicity import InTime, check_periodic, shortest_period
 from .scipy_signature import with_parameters
@@ -145,8 +145,7 @@ class ForcedSystem:
         for k, impact in enumerate(self.impacts):
             try_impact(k, impact, self.length, self.axes, self.parameters)
         for name, guard in self.ends.items():
-            along_time = functools.partial(guard_in_time, guard, *places)
-            check_periodic(f"ends[{name!r}]", along_time, self.length, REMEDY)
+            check_periodic(f"ends[{name!r}]", in_time(guard, *places), self.length, REMEDY)
 
     @classmethod
     def from_scipy(

@@ -211,7 +211,7 @@ def _objects(item: Any) -> Any:
 
 def _traced(found: Any) -> Any:
     """Return arrays of floats as such of objects."""
-    if isinstance(found, tuple) and type(found) is tuple:
+    if type(found) is tuple:
         return tuple(map(_traced, found))
     if not isinstance(found, np.ndarray) or isinstance(found, TracedArray) or found.dtype.kind not in "fO":
         return found

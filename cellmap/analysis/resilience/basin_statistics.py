@@ -16,7 +16,7 @@ from ..._lib.checks import affordable_number, finite_number, of_the_user
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.records import Keyed
 from ..._lib.signatures import checked
-from ...attractors.labels import LABEL_NAMES, Label, label_names
+from ...attractors.labels import LABEL_NAMES, Label, label_names, stored_names
 from ...basins.classification import labeller
 from ...basins.finding import labelled
 from ...basins.record import Basins
@@ -175,7 +175,7 @@ def basin_stability(
     else:
         labels, times = labelled(label.point_map, states, label.attractors, label.max_periods, client, checkpoint)
     undecided = int(np.count_nonzero(labels == Label.UNDECIDED))
-    others = label_names({"map": label.point_map.recipe})
+    others = label_names(label.point_map.ends)
     present = [code for code in LABEL_NAMES if (labels == code).any()]
     sampled = {}
     for k in [*range(len(label.attractors)), *present]:
@@ -321,7 +321,7 @@ def settling_statistics(
         names = {k: name for k, name in source.names.items() if k >= 0}
     labels, times = source.labels.ravel(), source.settling_time.ravel()
     found = {k: _statistics(name, times[labels == k], wanted) for k, name in names.items()}
-    known = label_names(source.settings) if isinstance(source, Basins) else {**LABEL_NAMES, **source.names}
+    known = stored_names(source.settings) if isinstance(source, Basins) else {**LABEL_NAMES, **source.names}
     counts = {k: int(np.count_nonzero(labels == k)) for k in LABEL_NAMES}
     others = {known[k]: count for k, count in counts.items() if count or k > Label.ENDED}
     return SettlingStatistics(Keyed(found, "basins", names), Keyed(others, "others"))

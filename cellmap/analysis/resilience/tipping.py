@@ -12,7 +12,7 @@ from ..._lib.arrays import Floats, Ints
 from ..._lib.binomial import binomial_interval
 from ..._lib.checks import finite_number, one_of, whole_array
 from ..._lib.signatures import checked
-from ...attractors.labels import label_names
+from ...attractors.labels import stored_names
 from ...attractors.matching import match_attractors
 from ...basins.classification import labeller, places_of, span_of
 from ...basins.record import Basins
@@ -227,7 +227,7 @@ def _numbers_of(given: Any, labels: Ints) -> tuple[int, ...]:
 
 def _names_of(given: Any, numbers: tuple[int, ...]) -> tuple[str, ...]:
     known = dict(enumerate(distinct_names(given.attractors))) if isinstance(given, Basins) else {}
-    known |= label_names(given.settings if isinstance(given, Basins) else {})
+    known |= stored_names(given.settings if isinstance(given, Basins) else {})
     return tuple(known.get(k, f"label {k}") for k in numbers)
 
 
