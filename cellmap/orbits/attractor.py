@@ -136,18 +136,18 @@ class InvariantSubspace:
         return shortest(points @ self.normals.T - self.offsets, np.where(around, turn[self.pivots], 0.0))
 
     def distances(self, points: Floats, coordinates: Sequence[Coordinate]) -> Floats:
-        """Return how far points (..., dimension) are beyond the subspace along each leading coordinate."""
-        return self._beyond(points, coordinates) / self.sizes
+        """Return how far (...) points (..., dimension) are from the subspace, the largest leading coordinate of it."""
+        return np.asarray(np.abs(self._beyond(points, coordinates) / self.sizes).max(axis=-1))
+
+    def is_parallel(self, other: InvariantSubspace) -> bool:
+        """Tell whether another subspace has the same normals."""
+        return np.array_equal(self.normals, other.normals)
 
     def projected(self, points: Floats, coordinates: Sequence[Coordinate]) -> Floats:
         """Return points (..., dimension) moved into the subspace along the leading coordinates."""
         moved = points.copy()
         moved[..., self.pivots] -= self._beyond(points, coordinates)
         return wrap(moved, coordinates)
-
-    def holds(self, points: Floats, coordinates: Sequence[Coordinate]) -> bool:
-        """Tell whether points (n, dimension) are in the subspace, within 1e-9 of the size of the region."""
-        return bool((np.abs(self.distances(points, coordinates)) <= 1e-9).all())
 
     def normal_part(self, matrices: Floats) -> Floats:
         """Return by how much displacements from the subspace grow, of derivatives (..., dimension, dimension)."""
@@ -311,6 +311,13 @@ class Attractor(ShownAsHtml):
             )
         place, grazes = ", ".join(f"{v:.6g}" for v in self.points[0]), ", grazes" if self.grazes else ""
         return f"Attractor({self.name} at ({place}), |multiplier| {np.abs(self.multipliers[0]):.4g}{grazes})"
+
+
+def aperiodic(
+    kind: Kind, points: Floats, exponents: Floats, coordinates: tuple[Coordinate, ...], **more: Any
+) -> Attractor:
+    """Return an attractor that has no period and no multipliers."""
+    return Attractor(kind, 0, points, (0,) * len(coordinates), np.empty(0, complex), exponents, coordinates, **more)
 
 
 def distinct_names(attractors: Sequence[Attractor]) -> tuple[str, ...]:

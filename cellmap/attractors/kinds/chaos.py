@@ -14,7 +14,7 @@ from ...maps.coordinates import difference
 from ...maps.orbit_batch import Orbits
 from ...maps.paths import path_of
 from ...maps.point_map import PointMap
-from ...orbits.attractor import Attractor, Cover, InvariantSubspace, Kind
+from ...orbits.attractor import Attractor, Cover, InvariantSubspace, Kind, aperiodic
 from ...orbits.invariant_circle import drift
 from ...orbits.newton import resolution
 from ..matching import thinned
@@ -246,18 +246,9 @@ def _distinguished(
         spectrum = mean_exponents(point_map, exponents[mine], history[-1, mine], _SAMPLE_PERIODS, extent, images)
         resolved = _resolution(clouds, mine, cover)
         within = neutral if family[mine].all() else None
-        more = {"resolution": resolved, "subspace": within}
-        found.append(aperiodic(Kind.CHAOTIC, points, spectrum, point_map, cover, **more))
+        known_by = {"cover": cover, "resolution": resolved, "subspace": within}
+        found.append(aperiodic(Kind.CHAOTIC, points, spectrum, point_map.coordinates, **known_by))
     return found, reasons
-
-
-def aperiodic(
-    kind: Kind, points: Floats, exponents: Floats, point_map: PointMap, cover: Cover, **more: Any
-) -> Attractor:
-    """Return an attractor that has no period and no multipliers."""
-    still = (0,) * point_map.dimension
-    none = np.empty(0, complex)
-    return Attractor(kind, 0, points, still, none, exponents, point_map.coordinates, cover=cover, **more)
 
 
 def _resolution(clouds: Clouds, members: Ints, cover: Cover) -> Floats:

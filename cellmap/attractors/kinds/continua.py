@@ -299,9 +299,9 @@ def joined_continua(point_map: PointMap, attractors: Sequence[Attractor]) -> tup
         cover = attractors[j].cover
         same = attractors[j].period == attractors[k].period and cover is not None
         overlap[j, k] = same and inside_cover(cover, attractors[k].points, exact).any()  # type: ignore[arg-type]
-    families = [k for k, a in enumerate(attractors) if a.subspace is not None and a.subspace.is_neutral]
-    for j, k in itertools.permutations(families, 2):
-        overlap[j, k] = np.array_equal(attractors[j].subspace.normals, attractors[k].subspace.normals)  # type: ignore[union-attr]
+    subspaces = ((k, a.subspace) for k, a in enumerate(attractors) if a.subspace is not None)
+    for (j, one), (k, other) in itertools.permutations([(k, s) for k, s in subspaces if s.is_neutral], 2):
+        overlap[j, k] = one.is_parallel(other)
     if overlap.sum() == number:
         return tuple(attractors), np.arange(number)
     from scipy.sparse.csgraph import connected_components

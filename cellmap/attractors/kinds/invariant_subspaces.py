@@ -15,7 +15,7 @@ from ...maps.orbit_batch import Orbits
 from ...maps.paths import history_of, path_of
 from ...maps.point_map import PointMap
 from ...maps.tangent import tangent
-from ...orbits.attractor import Attractor, InvariantSubspace, Kind
+from ...orbits.attractor import Attractor, InvariantSubspace, Kind, aperiodic
 from ..labels import Label
 from ..regions.boxes import in_units, tree_of
 from ..regions.covers import FLAT
@@ -73,14 +73,14 @@ def attractors_in_subspaces(
     """
     exact, turn = point_map.without_table, turns_of(point_map.coordinates)[1]
     coming, found = np.zeros(len(points), bool), list[Attractor]()
-    absorbing = [a.subspace for a in known if a.subspace is not None and not a.subspace.is_neutral]
+    inside = [(a, a.subspace) for a in known if a.subspace is not None and not a.subspace.is_neutral]
+    absorbing = [subspace for _, subspace in inside]
     history, rotations = history_of(exact, Orbits.starting(points.copy()), 4 * _BLOCK)
     for subspace in _subspaces(exact, history + rotations * turn, extent):
-        beside = np.abs(subspace.distances(history, exact.coordinates)).max(axis=(0, 2)) <= _THIN
-        mine = np.flatnonzero(beside & ~coming)
+        mine = np.flatnonzero(_beside(subspace, history, exact).all(axis=0) & ~coming)
         if not len(mine):
             continue
-        if any(a.subspace in absorbing and subspace.holds(a.points, exact.coordinates) for a in known):
+        if any((subspace.distances(a.points, exact.coordinates) <= _EXACT).all() for a, _ in inside):
             coming[mine] = True
             continue
         mean, error, variance = _growth(exact, subspace, points[mine], images)
@@ -95,14 +95,13 @@ def attractors_in_subspaces(
             absorbing.append(subspace)
         if not depth:
             continue
-        inside = replace(subspace, depth=depth, exponent=mean)
+        attracting = replace(subspace, depth=depth, exponent=mean)
         samples = subspace.projected(history[:, mine], exact.coordinates).swapaxes(0, 1)
         group = Clouds(point_map, list(samples), np.maximum(np.ptp(samples, axis=(0, 1)), FLAT * extent)).group
         for g in range(int(group.max()) + 1):
             spectrum = -np.sort(-exponents[mine[group == g]].mean(axis=0))
-            none, still = np.empty(0, complex), (0,) * exact.dimension
             sample = samples[group == g].reshape(-1, exact.dimension)
-            found.append(Attractor(Kind.CHAOTIC, 0, sample, still, none, spectrum, exact.coordinates, subspace=inside))
+            found.append(aperiodic(Kind.CHAOTIC, sample, spectrum, exact.coordinates, subspace=attracting))
     return found, owners_in_subspaces(point_map, points, [*known, *found]), coming, absorbing
 
 
@@ -120,7 +119,11 @@ def _some_go_elsewhere(
 
 def come_near(subspaces: Sequence[InvariantSubspace], points: Floats, point_map: PointMap) -> bool:
     """Tell whether any of some points comes near to one of some subspaces."""
-    return any((np.abs(s.distances(points, point_map.coordinates)) <= _THIN).all(axis=-1).any() for s in subspaces)
+    return any(_beside(s, points, point_map).any() for s in subspaces)
+
+
+def _beside(subspace: InvariantSubspace, points: Floats, point_map: PointMap) -> Bools:
+    return np.asarray(subspace.distances(points, point_map.coordinates) <= _THIN)
 
 
 def owners_in_subspaces(point_map: PointMap, points: Floats, attractors: Sequence[Attractor]) -> Ints:
@@ -136,7 +139,7 @@ def owners_in_subspaces(point_map: PointMap, points: Floats, attractors: Sequenc
     for k, attractor in enumerate(attractors):
         if (subspace := attractor.subspace) is None or subspace.is_neutral:
             continue
-        near = np.abs(subspace.distances(path, point_map.coordinates)).max(axis=-1) <= subspace.depth
+        near = subspace.distances(path, point_map.coordinates) <= subspace.depth
         rows = np.flatnonzero(near.any(axis=0))
         size = np.maximum(np.ptp(attractor.points, axis=0), subspace.sizes.min())
         there = in_units(path[near[:, rows].argmax(axis=0), rows], size, point_map)
@@ -154,9 +157,9 @@ def neutral_family(point_map: PointMap, history: Floats, extent: Floats) -> tupl
     """
     exact, mine, one = point_map.without_table, np.zeros(history.shape[1], bool), None
     for subspace in _subspaces(exact, history, extent):
-        if one is not None and (subspace.normals.shape != one.normals.shape or (subspace.normals != one.normals).any()):
+        if one is not None and not subspace.is_parallel(one):
             continue
-        beside = np.abs(subspace.distances(history, exact.coordinates)).max(axis=(0, 2)) <= _THIN
+        beside = _beside(subspace, history, exact).all(axis=0)
         if one is None:
             mean, _, variance = _growth(exact, subspace, history[-1, beside], 0.0)
             if abs(mean) > _EXACT or variance > _EXACT**2:
@@ -173,27 +176,27 @@ def _subspaces(exact: PointMap, lifted: Floats, extent: Floats) -> Iterator[Inva
     centred = paths[alive] - paths[alive].mean(axis=1, keepdims=True)
     _, sizes, axes = np.linalg.svd(centred, full_matrices=False)
     thin = sizes <= _THIN * sizes[:, :1]
-    tried = list[InvariantSubspace]()
+    found = list[InvariantSubspace]()
     for k in np.argsort(np.where(thin, sizes / sizes[:, :1], 1.0).min(axis=1), kind="stable"):
         if not thin[k].any() or thin[k, 0]:
             continue
         path = lifted[:, alive[k]]
-        if any((np.abs(s.distances(path, exact.coordinates)) <= _THIN).all() for s in tried):
+        if any(_beside(s, path, exact).all() for s in found):
             continue
-        normals, pivots = _reduced(axes[k][thin[k]] / extent, extent)
-        fractions = np.round(_FRACTIONS * normals) / _FRACTIONS
-        near = np.where(np.abs(normals - fractions) <= _THIN, fractions, normals)
-        for some in (near, normals):
-            middle = (path @ some.T).mean(axis=0)
-            for offsets in (np.where(np.abs(middle) <= _THIN * extent[pivots], 0.0, middle), path[-1] @ some.T):
-                subspace = InvariantSubspace(some, offsets, extent[pivots])
-                if _is_invariant(exact, subspace, path):
-                    tried.append(subspace)
-                    yield subspace
-                    break
-            else:
-                continue
-            break
+        guesses = _guesses(path, axes[k][thin[k]] / extent, extent)
+        if (subspace := next((s for s in guesses if _is_invariant(exact, s, path)), None)) is not None:
+            found.append(subspace)
+            yield subspace
+
+
+def _guesses(path: Floats, normals: Floats, extent: Floats) -> Iterator[InvariantSubspace]:
+    """Yield subspaces with some normals (k, d) beside a path: first those that have round numbers."""
+    reduced, pivots = _reduced(normals, extent)
+    fractions = np.round(_FRACTIONS * reduced) / _FRACTIONS
+    for some in (np.where(np.abs(reduced - fractions) <= _THIN, fractions, reduced), reduced):
+        middle = (path @ some.T).mean(axis=0)
+        for offsets in (np.where(np.abs(middle) <= _THIN * extent[pivots], 0.0, middle), path[-1] @ some.T):
+            yield InvariantSubspace(some, offsets, extent[pivots])
 
 
 def _reduced(normals: Floats, extent: Floats) -> tuple[Floats, Ints]:
@@ -214,7 +217,7 @@ def _is_invariant(exact: PointMap, subspace: InvariantSubspace, path: Floats) ->
     places = wrap(path[evenly(len(path), _TRIED)], exact.coordinates)
     orbits = Orbits.starting(subspace.projected(places, exact.coordinates))
     exact.advance(orbits, 1)
-    apart = np.abs(subspace.distances(orbits.points[orbits.alive], exact.coordinates)).max(axis=1)
+    apart = subspace.distances(orbits.points[orbits.alive], exact.coordinates)
     return len(apart) > 0 and bool(np.quantile(apart, _MOST) <= _EXACT)
 
 

@@ -13,7 +13,7 @@ from ...maps.orbit_batch import Orbits
 from ...maps.paths import path_of
 from ...maps.point_map import PointMap
 from ...maps.tangent import tangent
-from ...orbits.attractor import Attractor, Kind
+from ...orbits.attractor import Attractor, Kind, aperiodic
 from ...orbits.invariant_circle import curve_size, fitted_circle
 from ...orbits.invariant_torus import fitted_torus
 from ...orbits.newton import newton, stable_orbit
@@ -30,7 +30,6 @@ from ..regions.tube import (
     lengths_beside,
     verified_tube,
 )
-from .chaos import aperiodic
 from .creeping import creeping
 from .exponents import Growing
 from .limit_cycles import autonomous, limit_cycles
@@ -149,7 +148,7 @@ def _on_curves(exact: PointMap, state: Floats, extent: Floats, age: int, found: 
     if not zero[0]:
         return None
     kept = points[:, :: max(1, DENSE * len(points) // _SAMPLE)].reshape(-1, exact.dimension)
-    return aperiodic(Kind.QUASIPERIODIC, kept, exponents, exact, cover, circle=circle)
+    return aperiodic(Kind.QUASIPERIODIC, kept, exponents, exact.coordinates, cover=cover, circle=circle)
 
 
 def _on_torus(exact: PointMap, state: Floats, extent: Floats) -> Attractor | None:
@@ -169,7 +168,7 @@ def _on_torus(exact: PointMap, state: Floats, extent: Floats) -> Attractor | Non
     cover = None if tube is None else cover_of_tube(dense, tube)
     if cover is None:
         return None
-    return aperiodic(Kind.QUASIPERIODIC, points, exponents, exact, cover, torus=torus)
+    return aperiodic(Kind.QUASIPERIODIC, points, exponents, exact.coordinates, cover=cover, torus=torus)
 
 
 def _size(points: Floats, exact: PointMap, extent: Floats) -> Floats:

@@ -12,7 +12,7 @@ from ...maps.coordinates import difference, turns_of, wrap
 from ...maps.orbit_batch import Orbits
 from ...maps.paths import history_of, moved_on
 from ...maps.point_map import PointMap
-from ...orbits.attractor import Attractor, Kind, Neighbourhood
+from ...orbits.attractor import Attractor, Kind, Neighbourhood, aperiodic
 from ...orbits.invariant_circle import circle_through, closed_after
 from ..regions.boxes import in_units, tree_of
 from ..regions.lyapunov_regions import Afford, always
@@ -179,12 +179,9 @@ def _is_recurrent(attractor: Attractor) -> bool:
 
 def _attractor(exact: PointMap, path: Floats, rotations: Ints, exponents: Floats, extent: Floats) -> Attractor:
     """Return the attractor of a regular orbit (periods, d)."""
-    return Attractor(
+    return aperiodic(
         Kind.QUASIPERIODIC,
-        0,
         path,
-        (0,) * exact.dimension,
-        np.empty(0, complex),
         exponents,
         exact.coordinates,
         neighbourhood=_region(exact, path, extent),
