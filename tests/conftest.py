@@ -46,10 +46,10 @@ def pytest_configure(config: pytest.Config) -> None:
         folder.chmod(0o700)
         os.environ["CELLMAP_CACHE_DIR"] = str(folder)
     # Thousands of kernels run for a moment each: LLVM need not look for the best order of their instructions, nor for
-    # the best use of registers, which takes long where there are many.  Results have the same bits, for each
-    # instruction stays what it is.
-    for option in ("-enable-misched=false", "-optimize-regalloc=false"):
-        llvm.set_option("", option)
+    # the best use of registers and addresses, which takes two thirds of the time.  Results have the same bits, for
+    # each instruction stays what it is.
+    for option in ("enable-misched=false", "optimize-regalloc=false", "disable-post-ra", "disable-lsr", "disable-cgp"):
+        llvm.set_option("", f"-{option}")
     config.pluginmanager.register(Everywhere())
 
 

@@ -263,10 +263,16 @@ def test_repetitions_leave_nothing_behind(double_well, basins_of) -> None:
         give_back_memory()  # of what other tests have left free, some pages come into use again
         return process.memory_info().rss, len(gc.get_objects())
 
+    def grown() -> tuple[int, int]:
+        resident, objects = used()
+        for k in range(40):
+            once(k)
+        after = used()
+        return after[0] - resident, after[1] - objects
+
     for k in range(9):
         once(k)
-    resident, objects = used()
-    for k in range(40):
-        once(k)
-    assert used()[0] - resident < 4e6
-    assert len(gc.get_objects()) - objects < 2000
+    # What stays behind does so each time; pages that other tests have left free come into use again once.
+    memory, objects = zip(*(grown() for _ in range(2)), strict=True)
+    assert min(memory) < 4e6
+    assert min(objects) < 2000
