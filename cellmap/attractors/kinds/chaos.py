@@ -259,13 +259,13 @@ def _resolution(clouds: Clouds, members: Ints, cover: Cover) -> Floats:
 
 def _fading(point_map: PointMap, clouds: Clouds, group: Ints, late: Late, known: Sequence[Attractor]) -> Ints:
     """Return the groups of samples on which orbits were that came to an attractor that is not chaotic later."""
-    half = late.halfway(point_map, known)
-    if not len(half):
+    halfway = late.halfway(point_map, known)
+    if not halfway.size:
         return group[:0]
-    place = clouds.place_of(pieces_of(point_map, half), group)
-    rows = np.flatnonzero(place >= 0)
+    *before, place = clouds.place_of(pieces_of(point_map, halfway), group)
+    rows = np.flatnonzero((place >= 0) & (np.array(before) == place).all(axis=0))
     if len(rows):
-        growth = growth_along(point_map, half[rows], np.ones(point_map.dimension), HALF)
+        growth = growth_along(point_map, halfway[-1, rows], np.ones(point_map.dimension), HALF)
         rows = rows[growth.largest[0] > 0.0]  # others are on their way to an attractor beside the sample
     return np.unique(place[rows])
 

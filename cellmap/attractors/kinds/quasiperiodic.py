@@ -75,7 +75,7 @@ def quasiperiodic_attractors(
 
     Limit cycles of autonomous systems are found as periodic orbits of the flow, see :func:`limit_cycles`.
     """
-    exact = point_map.without_table
+    exact, most = point_map.without_table, max(MOST_STEPS, age)
     spec = autonomous(exact)
     cycles = [] if spec is None else limit_cycles(exact, spec, states, extent, known, afford)
     if cycles:
@@ -95,11 +95,11 @@ def quasiperiodic_attractors(
         attractors = [*known, *found.attractors]
         if not before.alive.all() or not len(_outside(before.points, attractors, exact)):
             continue
-        if creeping(exact, before.points, extent).found[0] or not _may_attract(exact, before):
+        if creeping(exact, before.points, extent).found[0] or not _may_attract(exact, before, most):
             continue
         attractor = None if spec is not None else _on_curves(exact, before.points[0], extent, age, found, slow)
         if attractor is None and exact.dimension > 2 and not len(found.cycles):
-            attractor = _on_torus(exact, before.points[0], extent)
+            attractor = _on_torus(exact, before.points[0], extent, most)
         if attractor is not None and _is_new(attractor, attractors, exact):
             assert attractor.cover is not None
             found.attractors.append(attractor)
@@ -113,8 +113,8 @@ def long_cycle(point_map: PointMap, point: Floats, period: int, extent: Floats) 
     return stable_orbit(point_map, solutions[0], period, extent) if settled[0] else None
 
 
-def _may_attract(exact: PointMap, orbits: Orbits) -> bool:
-    """Tell whether volumes around an orbit shrink fast enough for a tube around a curve to be seen to contract.
+def _may_attract(exact: PointMap, orbits: Orbits, most: int) -> bool:
+    """Tell whether volumes around an orbit shrink so fast that a tube around a curve may contract in `most` steps.
 
     Lengths along an invariant circle are kept in the mean, so that the slowest contraction across it is at most that of
     volumes, to the power 1/(dimension - 1); what an orbit does in few periods may be twice as fast as in the mean.
@@ -126,7 +126,7 @@ def _may_attract(exact: PointMap, orbits: Orbits) -> bool:
         return False
     with np.errstate(invalid="ignore"):  # orbits that have ended have no derivative
         rates = np.linalg.slogdet(tangent(exact, points)[1])[1]
-    return bool(-2.0 * MOST_STEPS * rates.mean() >= -np.log(FIRST_FACTOR) * (exact.dimension - 1))
+    return bool(-2.0 * most * rates.mean() >= -np.log(FIRST_FACTOR) * (exact.dimension - 1))
 
 
 def _on_curves(exact: PointMap, state: Floats, extent: Floats, age: int, found: Found, slow: bool) -> Attractor | None:
@@ -138,7 +138,7 @@ def _on_curves(exact: PointMap, state: Floats, extent: Floats, age: int, found: 
     circle = fitted.circle
     points = circle.points(np.arange(DENSE) / DENSE, exact.coordinates)
     curves = Curves(exact, points, _size(points, exact, extent))
-    tube = verified_tube(curves, extent, 10.0 * circle.invariance_error)
+    tube = verified_tube(curves, extent, 10.0 * circle.invariance_error, max(MOST_STEPS, age), age)
     cover = None if tube is None else cover_of_tube(curves, tube)
     if cover is None:
         return None
@@ -151,7 +151,7 @@ def _on_curves(exact: PointMap, state: Floats, extent: Floats, age: int, found: 
     return aperiodic(Kind.QUASIPERIODIC, kept, exponents, exact.coordinates, cover=cover, circle=circle)
 
 
-def _on_torus(exact: PointMap, state: Floats, extent: Floats) -> Attractor | None:
+def _on_torus(exact: PointMap, state: Floats, extent: Floats, most: int) -> Attractor | None:
     """Return the torus of two frequencies to which an orbit has come, verified to attract."""
     growth = Growing.along(exact.without_table, state[None], _EXPONENT_PERIODS)
     order = np.argsort(-growth.exponents[0])
@@ -164,7 +164,7 @@ def _on_torus(exact: PointMap, state: Floats, extent: Floats) -> Attractor | Non
     phases = np.stack(np.meshgrid(*2 * [np.arange(_SAMPLED_PHASES) / _SAMPLED_PHASES]), axis=-1).reshape(-1, 2)
     points = torus.points(phases, exact.coordinates)
     dense = DenseTorus(exact, torus, _size(points[None], exact, extent))
-    tube = verified_tube(dense, np.maximum(extent, dense.size), 10.0 * torus.invariance_error)
+    tube = verified_tube(dense, np.maximum(extent, dense.size), 10.0 * torus.invariance_error, most, most)
     cover = None if tube is None else cover_of_tube(dense, tube)
     if cover is None:
         return None

@@ -30,6 +30,7 @@ _STRETCH = 256  # periods between looks
 _EARLY = 0.25  # of the periods, in which orbits may still be on their way
 _PLACES = 16  # of each orbit, that are kept
 _LATEST = 32  # orbits, of those that came to an attractor late
+_LOOKS = 4  # from a quarter to half of its way: an orbit on its way is near a chaotic set at all of them hardly ever
 
 
 class Reason(StrEnum):
@@ -90,20 +91,21 @@ class Late:
         return np.asarray(rows[times[rows] >= RESIDENCE])
 
     def halfway(self, point_map: PointMap, attractors: Sequence[Attractor]) -> Floats:
-        """Return where the orbits were after half of the periods in which they came to their attractors."""
+        """Return where the orbits were at some times (times, n, dimension) in the second quarter of their way."""
         if not len(self.points):
-            return self.points
+            return np.empty((_LOOKS, *self.points.shape))
         catalogue = Catalogue.of(attractors, point_map)
         # An attractor that is found when orbits rest on it has been reached long before.
         times = settle(point_map, Orbits.starting(self.points.copy()), catalogue, int(self.times.max())).times
-        places = np.full(self.points.shape, np.nan)
+        places = np.full((_LOOKS, *self.points.shape), np.nan)
         for half in np.unique(times // 2):
             rows = np.flatnonzero(times // 2 == half)
             if half >= HALF:
-                orbits = Orbits.starting(self.points[rows])
-                point_map.advance(orbits, int(half))
-                places[rows] = orbits.points
-        return places[np.isfinite(places).all(axis=1)]
+                orbits, age = Orbits.starting(self.points[rows]), 0
+                for look, at in enumerate(np.linspace(half // 2, half, _LOOKS).astype(int).tolist()):
+                    point_map.advance(orbits, at - age)
+                    places[look, rows], age = orbits.points, at
+        return places[:, np.isfinite(places).all(axis=(0, 2))]
 
 
 def regular(labels: NDArray[Any], attractors: Sequence[Attractor]) -> Bools:
