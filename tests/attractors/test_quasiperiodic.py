@@ -252,3 +252,20 @@ def test_a_locked_circle_is_periodic_however_slowly_orbits_come_to_rest(shift: f
     """At k = 0.1 the tongue of 1/2 reaches to 0.50040: its half-width is about k^2/(8 pi)."""
     (cycle,) = find_basins(CIRCLE.with_params(shift=shift, k=0.1), STRIP).attractors
     assert (cycle.kind, cycle.period) == (Kind.ROTATING, 2)
+
+
+def ring(x, p):
+    """A rotation whose invariant circle has waves, and attracts by a factor each step."""
+    turned = x[0] + 2 * pi * p.turns
+    return turned, p.factor * (x[1] - cos(p.waves * x[0])) + cos(p.waves * turned)
+
+
+@pytest.mark.parametrize(("factor", "waves"), [(0.998, 1), (0.5, 30)], ids=["slow", "bent"])
+def test_circles_to_which_orbits_come_slowly_or_that_bend_sharply(factor: float, waves: int) -> None:
+    """Closed form: rotation number (sqrt(5) - 1) / 2, exponents whose sum is log(factor)."""
+    turns = (5**0.5 - 1) / 2
+    point_map = discrete_map(ring, {"turns": turns, "factor": factor, "waves": waves}, (angle("u"), "r"))
+    (found,) = find_attractors(point_map, [[0.0, 1.1], [2.0, -0.9]], max_periods=3000)
+    assert found.kind is Kind.QUASIPERIODIC and found.verified
+    assert found.circle is not None and abs(found.circle.frequency - turns) < 1e-9
+    assert abs(found.exponents.sum() - np.log(factor)) < 1e-9

@@ -11,7 +11,7 @@ from ..._lib.arrays import Bools, Complexes, Floats, evenly
 from ..._lib.stopping import check_stop
 from ...maps.coordinates import difference, turns_of, wrap
 from ...maps.orbit_batch import Orbits
-from ...maps.paths import history_of, moved_on, path_of
+from ...maps.paths import history_of, path_of
 from ...maps.poincare import check_unforced
 from ...maps.point_map import PointMap
 from ...maps.side_by_side import advance_on_threads
@@ -28,6 +28,7 @@ from ..regions.tube import (
     Curves,
     Tube,
     ellipsoids_of_tube,
+    floor_of,
     images_of_surface,
     lengths_beside,
     verified_tube,
@@ -279,7 +280,7 @@ def _verified(exact: PointMap, spec: Stroboscopic, cycle: _Cycle, extent: Floats
     points = _bent(exact, spec, cycle.period, begin, logs, logs.sizes(begin, exact, extent))
     size = logs.sizes(points, exact, extent)
     curves = Curves(_in_logarithms(spec, cycle.period / _PARTS, logs), logs.of(points)[None], size)
-    tube = verified_tube(curves, size, 10.0 * _floor(curves), _PARTS * _periods_for(cycle), _PARTS)
+    tube = verified_tube(curves, size, 10.0 * floor_of(curves, _PARTS), _PARTS * _periods_for(cycle), _PARTS)
     region = None if tube is None else _region(curves, tube, logs)
     if region is None:
         return None
@@ -381,13 +382,6 @@ def _bent(exact: PointMap, spec: Stroboscopic, period: float, begin: Floats, log
         if not len(open_) or len(times) > _MOST:
             break
     return points
-
-
-def _floor(curves: Curves) -> float:
-    """Return how far points of a curve are from it after a period."""
-    orbits = Orbits.starting(curves.points[0, evenly(curves.points.shape[1], _BEGUN)].copy())
-    moved_on(curves.exact, orbits, _PARTS)
-    return float(curves.distances(orbits.points).max())
 
 
 def _periods_for(cycle: _Cycle) -> int:

@@ -27,6 +27,7 @@ from ..regions.tube import (
     Curves,
     DenseTorus,
     cover_of_tube,
+    floor_of,
     lengths_beside,
     verified_tube,
 )
@@ -135,10 +136,10 @@ def _on_curves(exact: PointMap, state: Floats, extent: Floats, age: int, found: 
         if period:
             found.cycles.append((state, period))
         return None
-    circle = fitted.circle
+    circle, most = fitted.circle, max(MOST_STEPS, age)
     points = circle.points(np.arange(DENSE) / DENSE, exact.coordinates)
     curves = Curves(exact, points, _size(points, exact, extent))
-    tube = verified_tube(curves, extent, 10.0 * circle.invariance_error, max(MOST_STEPS, age), age)
+    tube = verified_tube(curves, extent, 10.0 * max(circle.invariance_error, floor_of(curves)), most)
     cover = None if tube is None else cover_of_tube(curves, tube)
     if cover is None:
         return None
@@ -164,7 +165,7 @@ def _on_torus(exact: PointMap, state: Floats, extent: Floats, most: int) -> Attr
     phases = np.stack(np.meshgrid(*2 * [np.arange(_SAMPLED_PHASES) / _SAMPLED_PHASES]), axis=-1).reshape(-1, 2)
     points = torus.points(phases, exact.coordinates)
     dense = DenseTorus(exact, torus, _size(points[None], exact, extent))
-    tube = verified_tube(dense, np.maximum(extent, dense.size), 10.0 * torus.invariance_error, most, most)
+    tube = verified_tube(dense, np.maximum(extent, dense.size), 10.0 * torus.invariance_error, most)
     cover = None if tube is None else cover_of_tube(dense, tube)
     if cover is None:
         return None

@@ -10,11 +10,12 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 
-from ..._lib.arrays import Complexes, Floats, Ints
+from ..._lib.arrays import Complexes, Floats, Ints, evenly
 from ..._lib.computed import computed_once
 from ..._lib.stopping import check_stop
 from ...maps.coordinates import difference, turns_of, wrap
 from ...maps.orbit_batch import CHUNK, Orbits
+from ...maps.paths import moved_on
 from ...maps.point_map import PointMap
 from ...maps.side_by_side import advance_on_threads
 from ...orbits.attractor import Cover
@@ -46,6 +47,7 @@ _MOST_BOXES = 2**20
 _CELLS = 256  # points of a torus in each phase, between which it is a paraboloid
 _REACH = 2.0  # cells of this grid, at most, between a point and the nearest one on the torus
 _TORUS_SEEN = 24  # points of each surface in each phase
+_LOOKED_AT = 256  # points of a curve that show how far it is from where they come
 _PIECES = 16  # of a curve, before they are halved where it bends
 _ACROSS_TUBE = 0.7  # semi-axis of an ellipsoid across a tube, in units of its radius
 _WELL_INSIDE = 0.6  # square of the distance of a piece from the centre of its ellipsoid, in units of its axes
@@ -276,6 +278,14 @@ def verified_tube(
                 break
             steps *= 2
     return Tube(radius, steps, factor)
+
+
+def floor_of(curves: Curves, steps: int = 1) -> float:
+    """Return how far points of curves, which are straight between their points, are from them after some steps."""
+    points = curves.points[:, evenly(curves.points.shape[1], _LOOKED_AT)]
+    orbits = Orbits.starting(points.reshape(-1, points.shape[-1]))
+    moved_on(curves.exact, orbits, steps)
+    return float(curves.distances(orbits.points).max())
 
 
 def cover_of_tube(curves: Attracting, tube: Tube) -> Cover | None:
