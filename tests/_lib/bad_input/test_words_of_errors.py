@@ -48,11 +48,10 @@ class Library:
         }
         self.imported: dict[Place, Place] = {}
         for module, tree in trees.items():
-            for node in ast.walk(tree):
-                if isinstance(node, ast.ImportFrom):
-                    above = module.split(".")[: -node.level or None] if node.level else []
-                    origin = ".".join([*above, *filter(None, [node.module])])
-                    self.imported |= {(module, a.asname or a.name): (origin, a.name) for a in node.names}
+            for node in (part for part in parts_of(tree) if isinstance(part, ast.ImportFrom)):
+                above = module.split(".")[: -node.level or None] if node.level else []
+                origin = ".".join([*above, *filter(None, [node.module])])
+                self.imported |= {(module, a.asname or a.name): (origin, a.name) for a in node.names}
         self.callers: dict[Place, set[Place]] = defaultdict(set)
         for place, node in self.functions.items():
             for called in self._called(place, node):
@@ -61,7 +60,7 @@ class Library:
     def _called(self, place: Place, node: ast.FunctionDef) -> set[Place]:
         module, own = place[0], place[1].partition(".")[0]
         found: set[Place] = set()
-        for part in ast.walk(node):
+        for part in parts_of(node):
             if isinstance(part, ast.Name):
                 target = self._meant(module, part.id)
                 found |= {target, *((target[0], f"{target[1]}.{made}") for made in ("__post_init__", "__init__"))}
@@ -93,7 +92,7 @@ class Library:
         found, public = [], public_places()
         for place, node in functions.items():
             given = {*ONLY_WHERE_GIVEN.get(place[1], "").split(), *OF_RECORDS}
-            for error in (part.exc for part in ast.walk(node) if isinstance(part, ast.Raise) and part.exc is not None):
+            for error in (part.exc for part in parts_of(node) if isinstance(part, ast.Raise) and part.exc is not None):
                 texts = [p.value for p in ast.walk(error) if isinstance(p, ast.Constant) and isinstance(p.value, str)]
                 for word in words_of(" ".join(texts)) - given:
                     lack = [
@@ -102,6 +101,22 @@ class Library:
                     if lack:
                         found.append((f"{place[0]}:{error.lineno}", word, sorted(lack)))
         return found
+
+
+@cache
+def parts_of(node: ast.AST) -> list[ast.AST]:
+    """Return names, attributes, errors raised and imports anywhere in a node."""
+    found, left = [], [node]
+    while left:
+        one = left.pop()
+        if isinstance(one, (ast.Name, ast.Attribute, ast.Raise, ast.ImportFrom)):
+            found.append(one)
+        for value in vars(one).values():
+            if isinstance(value, ast.AST) and not isinstance(value, ast.expr_context):
+                left.append(value)
+            elif isinstance(value, list):
+                left += [part for part in value if isinstance(part, ast.AST)]
+    return found
 
 
 def functions_of(module: str, tree: ast.Module) -> Iterator[tuple[Place, ast.FunctionDef]]:
