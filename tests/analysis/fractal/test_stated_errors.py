@@ -87,11 +87,13 @@ def test_stated_errors(name: str) -> None:
     assert max(abs(found(name, seed, 20_000)[1]) for seed in range(2)) < 2.5
 
 
-@pytest.mark.thorough
+@pytest.mark.parametrize(
+    "samples", [pytest.param(12, marks=pytest.mark.thorough), pytest.param(100, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("name", SETS)
-def test_stated_errors_of_a_hundred_samples(name: str) -> None:
+def test_stated_errors_of_many_samples(name: str, samples: int) -> None:
     """The error holds the truth or the scales disagree, which on self-similar and smooth sets they do not."""
-    counts = [found(name, seed) for seed in range(100)]
+    counts = [found(name, seed) for seed in range(samples)]
     disagree = np.array([count.scales_agree is False for count, _ in counts])
     held = np.array([abs(off) <= 2.0 for _, off in counts])
     assert np.mean(held | disagree) >= 0.9
