@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from math import asin, cos, pi, sin
+from math import cos, pi, sin
 
 import matplotlib as mpl
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.spatial import cKDTree
 
 from cellmap import (
@@ -33,11 +32,6 @@ def delayed_logistic(x, p):
     return p.a * x[0] * (1 - x[1]), x[0]
 
 
-def torque_rhs(t, x, p):
-    theta, v = x
-    return v, p.torque - p.damping * v - p.k * sin(theta)
-
-
 def van_der_pol(t, x, p):
     return x[1], p.mu * (1 - x[0] ** 2) * x[1] - x[0] + p.force * cos(p.omega * t)
 
@@ -49,7 +43,6 @@ def sine_circle(x, p):
 
 LOGISTIC = discrete_map(delayed_logistic, {"a": 2.1}, ("x", "y"))
 UNIT = CellGrid((0, 0), (1, 1), (40, 40))
-TORQUE = ForcedSystem(torque_rhs, {"torque": 0.5, "damping": 0.1, "k": 1.0}, 1.0, (angle("theta"), "v"))
 VAN_DER_POL = ForcedSystem(van_der_pol, {"mu": 1.0, "force": 0.0, "omega": 1.6}, lambda p: 2 * pi / p.omega, ("x", "v"))
 VAN_DER_POL_PERIOD = 6.6632868593231301897
 """At mu = 1, to 20 digits: Amore, Boyd, Fernandez, Physics Letters A 382 (2018) 3293 (and others before)."""
@@ -100,16 +93,6 @@ def test_nothing_undecided_on_invariant_curves(a):
     exponents = basins.attractors[0].exponents
     assert abs(exponents[0]) < 0.01
     assert exponents[1] < -0.01
-
-
-@pytest.mark.thorough
-def test_forced_oscillator_outside_its_tongue():
-    """A weakly forced van der Pol oscillator: one circle, nothing undecided, one exponent zero."""
-    basins = find_basins(stroboscopic_map(VAN_DER_POL.with_params(force=0.5)), CellGrid((-3, -4), (3, 4), (12, 12)))
-    (attractor,) = basins.attractors
-    assert attractor.kind is Kind.QUASIPERIODIC
-    assert (basins.labels == 0).all()
-    assert np.isnan(attractor.circle.cycle_period)
 
 
 # --- what is not quasi-periodic
@@ -177,26 +160,6 @@ def test_curves_that_do_not_attract(rule):
 # --- limit cycles of autonomous systems
 
 
-@pytest.mark.thorough
-def test_pendulum_with_constant_torque():
-    """Fractions 0.152 and 0.848 of Stender and Hoffmann, Nonlinear Dynamics 107 (2022) 1451, and SciPy's period."""
-    places = CellGrid((-pi + asin(0.5), -10), (pi + asin(0.5), 10), (150, 150))
-    basins = find_basins(flow_map(TORQUE, 2 * pi), places)
-    assert [round(f.fraction, 5) for f in basins.fractions.values()] == [0.15227, 0.84773]
-    cycle = basins.attractors[1]
-
-    state, times = [0.0, 5.0], []
-    for target in (2 * pi * 200, 2 * pi * 201):
-
-        def arrived(t, y, target=target):
-            return y[0] - target
-
-        arrived.terminal = True
-        times.append(solve_ivp(TORQUE.fun, (0, 600), state, "DOP853", events=arrived, rtol=1e-12, atol=1e-12).t[-1])
-    assert cycle.circle.cycle_period == pytest.approx(times[1] - times[0], rel=1e-8)
-    assert cycle.rotation_number[0] == pytest.approx(2 * pi / (times[1] - times[0]), rel=1e-8)
-
-
 @pytest.mark.parametrize("step", [2 * pi, VAN_DER_POL_PERIOD, VAN_DER_POL_PERIOD / 3, 5 * VAN_DER_POL_PERIOD / 7])
 def test_limit_cycle_under_any_sampling_time(step):
     """The same cycle and its true period, also where the samples close after one, three or seven steps."""
@@ -227,15 +190,6 @@ def cogging(t, x, p):
 
 
 COGGING = ForcedSystem(cogging, {"torque": 0.15}, pi, (angle("theta"), "w"))
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(("torque", "rotations"), [(0.15, 1.49996), (0.15002, 1.50016)])
-def test_a_rotor_close_to_a_resonance(torque: float, rotations: float) -> None:
-    """Its orbit drifts by 1e-4 of the curve in two periods: 1.49996 full rotations a period (SciPy, 1e-10)."""
-    (curve,) = find_attractors(stroboscopic_map(COGGING.with_params(torque=torque)), [[0.1, 3.0]])
-    assert curve.kind is Kind.QUASIPERIODIC
-    assert curve.rotation_number[0] == pytest.approx(rotations, abs=5e-6)
 
 
 @pytest.mark.thorough

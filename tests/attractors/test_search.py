@@ -6,11 +6,10 @@ from math import cos, pi, sin, sqrt
 
 import numpy as np
 import pytest
-from scipy.optimize import fsolve
 from small_maps import CIRCLE, LINE, circle, grid_of, logistic
 
 import systems
-from cellmap import CellGrid, Label, PointMap, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
+from cellmap import CellGrid, PointMap, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
 from cellmap.attractors import search
 from cellmap.attractors.kinds.chaos import examine
 from cellmap.attractors.kinds.examined import Examined
@@ -167,32 +166,6 @@ def test_published_attractors(system, window, expected):
     assert [a.points[0].tolist() for a in found] == [pytest.approx(p, abs=digits) for p in expected]
 
 
-@pytest.mark.thorough
-def test_fixed_points_are_those_of_scipy(scipy_images):
-    system = systems.two_well_duffing()
-    for a in find_attractors(stroboscopic_map(system), grid_of((-2.2,) * 2, (2.2,) * 2, 10)):
-        solution = fsolve(lambda x: scipy_images(system, x) - x, a.points[0] + 1e-3, xtol=1e-13)
-        assert a.points[0] == pytest.approx(solution, abs=1e-11)
-
-
-# --- cycles that attract weakly, and transients that last
-
-
-@pytest.mark.thorough
-def test_weakly_attracting_cycles_close_to_a_flip():
-    """Orbits take hundreds of periods to come closer by a factor of e; narrow neighbourhoods would leave 33 of 36."""
-    system = systems.forced_pendulum(0.0917230369533683, 1.2836695581775617, 0.8910870827355746)
-    initial_conditions = grid_of((-2.5, -2.5), (2.5, 2.5), 6)
-    basins = find_basins(stroboscopic_map(system), initial_conditions, max_periods=600)
-    assert [a.period for a in basins.attractors] == [2, 2, 6, 6]
-    assert np.count_nonzero(basins.labels == Label.UNDECIDED) <= 6
-    longer = find_basins(stroboscopic_map(system), initial_conditions, attractors=basins.attractors)
-    decided = basins.labels >= 0
-    assert (longer.labels >= 0).all()
-    assert np.array_equal(longer.labels[decided], basins.labels[decided])
-    assert longer.verify(40).wrong == 0
-
-
 # --- bad input
 
 
@@ -214,7 +187,6 @@ def test_a_search_that_finds_nothing_says_why(function, cause) -> None:
 
 # From below 1 orbits go to the fixed point at 0, from above to infinity; at 1 the multiplier is 1.5.
 SLOW = discrete_map(lambda x, p: (x[0] + 0.5 * x[0] * (x[0] - 1.0),), {}, ("x",))
-BESIDE = 1e-6  # ln(1e6) / ln(1.5) = 34 periods until the distance is about 1
 
 
 def test_basins_name_what_escapes_later():

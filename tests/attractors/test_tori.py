@@ -7,7 +7,7 @@ from math import cos, pi, sin, sqrt
 import numpy as np
 import pytest
 
-from cellmap import CellGrid, ForcedSystem, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
+from cellmap import CellGrid, angle, discrete_map, find_attractors, find_basins
 from cellmap.attractors import continue_attractors
 from cellmap.attractors.regions.tube import DenseTorus
 from cellmap.basins import load_basins, save_basins
@@ -29,13 +29,8 @@ def coupled(x, p):
     return (a + 2 * pi * p.first + 0.3 * sin(b), b + 2 * pi * p.second + 0.2 * sin(a), 0.5 * r + 0.2 * cos(a) * sin(b))
 
 
-def logistic_pair(x, p):
-    return p.a * x[0] * (1 - x[1]), x[0], p.b * x[2] * (1 - x[3]), x[2]
-
-
 TURNING = discrete_map(turning, {"first": GOLDEN, "second": SILVER}, AROUND)
 COUPLED = discrete_map(coupled, {"first": GOLDEN, "second": SILVER}, AROUND)
-PAIR = discrete_map(logistic_pair, {"a": 2.1, "b": 2.05}, ("x", "y", "u", "w"))
 
 
 def same_up_to_signs(found, expected) -> bool:
@@ -70,27 +65,6 @@ def test_basins_of_a_torus_and_files(tmp_path):
     assert (again.torus.coefficients == attractor.torus.coefficients).all()
     assert (again.torus.frequencies == attractor.torus.frequencies).all()
     assert again.name == attractor.name
-
-
-def test_product_of_two_invariant_curves():
-    """The frequencies are the rotation numbers that each of the two delayed logistic maps has alone."""
-    single = discrete_map(lambda x, p: (p.a * x[0] * (1 - x[1]), x[0]), {"a": 2.1}, ("x", "y"))
-    alone = [find_attractors(single.with_params(a=a), [[0.6, 0.6]])[0].circle.frequency for a in (2.1, 2.05)]
-    torus = fitted_torus(PAIR, PAIR.iterate([0.6, 0.6, 0.6, 0.6], 2000).points)
-    assert same_up_to_signs(torus.frequencies, alone)
-
-
-@pytest.mark.thorough
-def test_two_limit_cycles_side_by_side():
-    """Two uncoupled oscillators of van der Pol, the second twice as fast by the root of 2: periods 6.663 and 4.712."""
-
-    def rhs(t, x, p):
-        return x[1], (1 - x[0] ** 2) * x[1] - x[0], 2**0.5 * x[3], 2**0.5 * ((1 - x[2] ** 2) * x[3] - x[2])
-
-    strobe = stroboscopic_map(ForcedSystem(rhs, {}, 1.0, ("x", "v", "y", "w")))
-    torus = fitted_torus(strobe, strobe.iterate([2.0, 0.0, 1.0, 1.0], 200).points)
-    period = 6.6632868593231301897  # Amore, Boyd, Fernandez (2018)
-    assert same_up_to_signs(torus.frequencies, [1 / period, sqrt(2) / period])
 
 
 # --- what is no torus of two frequencies

@@ -6,7 +6,6 @@ from math import exp, pi, sqrt, tanh
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from small_maps import distance, grid_of, points_inside
 
 import systems
@@ -18,10 +17,8 @@ from cellmap import (
     discrete_map,
     find_attractors,
     find_basins,
-    interpolated_map,
     stroboscopic_map,
 )
-from cellmap._compiled.codegen.rebind import rebind
 from cellmap.attractors.regions.trapping import trapping_neighbourhood
 from cellmap.maps.coordinates import difference
 from cellmap.orbits import Kind
@@ -49,10 +46,6 @@ def case(request) -> tuple[ForcedSystem, PointMap, np.ndarray, tuple[Attractor, 
     system, window = (LIMITS | MORE)[request.param]
     exact = stroboscopic_map(system)
     return system, exact, np.array(window), find_attractors(exact, grid_of(*window, 24))
-
-
-def distance_to_orbit(a: Attractor, points: np.ndarray, extent: np.ndarray) -> np.ndarray:
-    return np.abs(difference(points[:, None], a.points, a.coordinates) / extent).max(axis=-1).min(axis=-1)
 
 
 def test_attractors_are_stable_periodic_orbits_in_neighbourhoods_of_some_size(case):
@@ -85,32 +78,6 @@ def test_one_period_shortens_the_distance(case):
             assert distance(b, np.broadcast_to(some, (b.period, *some.shape))).min() > 1
 
 
-@THOROUGH
-def test_orbits_from_inside_converge_under_scipy(case):
-    """SciPy's DOP853 on the plain right-hand side, all orbits as one system; convergence to 1e-3 of the window."""
-    system, _, _, found = case
-    for a in found:
-        extent = np.ptp(points_inside(a, 50).reshape(-1, 2), axis=0)
-        initial_conditions = points_inside(a, max(12 // a.period, 4), seed=1).reshape(-1, 2)
-        rate = -np.log(np.abs(a.multipliers[0])) / a.period
-        periods = a.period * int(np.ceil(min(np.log(1e3) / rate, 120) / a.period))
-        ends = stacked_images(system, initial_conditions, periods)
-        expected = max(10 * np.exp(-rate * periods), 1e-5)
-        assert distance_to_orbit(a, ends, extent).max() < expected
-
-
-def stacked_images(system: ForcedSystem, initial_conditions: np.ndarray, periods: int) -> np.ndarray:
-    rhs, p, shape = rebind(system.rhs, {"sin": np.sin, "cos": np.cos}), system.parameters, initial_conditions.T.shape
-
-    def fun(t, y):
-        return np.concatenate(rhs(t, tuple(y.reshape(shape)), p))
-
-    span = (0.0, periods * system.length)
-    solution = solve_ivp(fun, span, initial_conditions.T.ravel(), "DOP853", rtol=1e-8, atol=1e-8, t_eval=span[1:])
-    assert solution.success
-    return solution.y[:, -1].reshape(shape).T
-
-
 # --- searches find the same ones, whatever the initial conditions
 
 
@@ -138,13 +105,6 @@ def test_order_of_initial_conditions_does_not_matter(case):
     _, exact, window, found = case
     shuffled = np.random.default_rng(0).permutation(grid_of(*window, 24).reshape(-1, 2))
     assert_same(found, find_attractors(exact, shuffled))
-
-
-@THOROUGH
-def test_interpolated_map_has_the_attractors_of_the_exact_one(case):
-    _, exact, window, found = case
-    table = interpolated_map(exact, CellGrid(*(window * [1.0, 1.2]), (256, 256)), outside="integrate")
-    assert_same(found, find_attractors(table, grid_of(*window, 24)))
 
 
 # --- exact results
@@ -273,19 +233,6 @@ def test_a_superstable_cycle() -> None:
     basins = find_basins(exact, CellGrid((-2.4,), (2.4,), (97,)))
     assert [a.period for a in basins.attractors] == [2]
     assert basins.verify(200).wrong == 0
-
-
-SLICED = {
-    "pendulum": (systems.driven_pendulum, ((-pi, -400.0), (pi, 400.0)), (24, 24), (-pi, -1e-3), (pi, 1e-3)),
-    "tiny window": (systems.two_well_duffing, ((-2.0, -2.0), (2.0, 2.0)), (24, 24), (0.1, 0.1), (0.101,) * 2),
-    "double pendulum": (
-        systems.double_pendulum,
-        ((-pi, -pi, -200.0, -200.0), (pi, pi, 200.0, 200.0)),
-        (3, 3, 3, 3),
-        (-pi, -pi, -1e-3, -1e-3),
-        (pi, pi, 1e-3, 1e-3),
-    ),
-}  # fmt: skip
 
 
 # --- many dimensions, from Lyapunov functions and few images
