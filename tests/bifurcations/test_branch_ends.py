@@ -4,11 +4,11 @@ from math import exp, pi, sin, sqrt
 
 import numpy as np
 import pytest
-from branch_kinds import DEGENERATE, FOLD, PITCHFORK, kinds, values
+from branch_kinds import DEGENERATE, FOLD, values
 from cases import branch_of, thorough
 
 from cellmap import ForcedSystem, angle, discrete_map, periodic_orbit, section_map
-from cellmap.bifurcations import OrbitFunction, switch_branch
+from cellmap.bifurcations import OrbitFunction
 
 
 def circles(sign):
@@ -85,33 +85,6 @@ def test_a_period_that_reaches_the_longest_time_is_told():
     branch = on_a_circle(20.0)
     assert branch.ends[0] == "the return time reaches max_time=20"
     assert abs(branch.values[0] - sqrt(1.0 + (2.0 * pi / 20.0) ** 2)) < 1e-4
-
-
-@pytest.mark.thorough
-def test_three_oscillators_with_a_two_to_one_resonance():
-    """In-phase motion of equal oscillators x'' = -x - x^3 that springs couple is that of one, a cn(t, m).
-
-    Deviations in the mode of the frequency sqrt(1 + 4.5) obey Lame's equation y'' + (h - 6 m sn^2) y = 0 with
-    h = 1 + 4 m + 4.5 (1 - 2 m), m = a^2 / (2 (1 + a^2)), which has the period of the orbit at h = 4 + m and at
-    h = 2 (1 + m + sqrt(1 - m + m^2)) (Ince 1940): a = 1, and a^2 = sqrt(15 / 4) - 1.
-    """
-
-    def rhs(t, x, p):
-        left, right = 1.5 * (x[1] - x[0]), 1.5 * (x[2] - x[1])
-        pulls = (left, right - left, -right)
-        return *x[3:], *(-x[j] - x[j] ** 3 + pulls[j] + p.d * x[3 + j] for j in range(3))
-
-    names = ("x1", "x2", "x3", "v1", "v2", "v3")
-    section = section_map(ForcedSystem(rhs, {"d": 0.0}, 2.0, names), ("v1", 0.0, -1), rtol=1e-11, atol=1e-11)
-    until = {"top": OrbitFunction("x1", "maximum", value=1.1), "bottom": OrbitFunction("x1", value=0.9)}
-    family = branch_of(section, [0.95, 0.95, 0.95, 0.0, 0.0], "d", -0.1, 0.1, step=0.02, until=until)
-    assert family.is_family and sorted(family.ends) == ["bottom", "top"]
-    assert np.ptp(family.points[[0, -1], 0]) == pytest.approx(0.2, abs=1e-12)
-    assert kinds(family) == [PITCHFORK, PITCHFORK]
-    found = sorted(b.point[:3].tolist() for b in family.bifurcations)
-    np.testing.assert_allclose(found, [3 * [sqrt(sqrt(3.75) - 1.0)], 3 * [1.0]], rtol=1e-10)
-    other = switch_branch(family, max(family.bifurcations, key=lambda b: b.point[0]), -0.1, 0.1, max_points=3)
-    assert other.is_family and abs(other.points[-1, 3]) > 0.01
 
 
 def test_a_branch_whose_parameter_is_known_to_few_digits_is_followed():

@@ -4,7 +4,7 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
-from cases import branch_at_rest, branch_of, quotient, thorough
+from cases import branch_at_rest, quotient, thorough
 
 from cellmap import discrete_map
 from cellmap.bifurcations import switch_circle
@@ -62,21 +62,3 @@ def test_a_circle_is_where_it_should_be():
     x, y = circle.points(np.arange(40) / 40.0, circles.coordinates)[0].T
     u, v = quotient(x, y, 1 + 0.3 * x, 0.3 * y)
     np.testing.assert_allclose(u * u + v * v, 0.5 - np.sqrt(0.25 + mu), atol=1e-9)
-
-
-@pytest.mark.thorough
-def test_circles_of_a_doubled_orbit():
-    """Two curves that the map exchanges, around (1, 0, 1) and (-1, 0, -1)."""
-
-    def exchanged(x, p):
-        shifted = x[0] - x[2], x[1]
-        image = subcritical(shifted, p)
-        return image[0] - x[2], image[1], -x[2] * (1.5 - 0.5 * x[2] * x[2])
-
-    exact = discrete_map(exchanged, {"mu": -0.1, "c": 0.3}, ("x", "y", "z"))
-    branch = branch_of(exact, [1.0, 0.0, 1.0], "mu", -0.4, 0.2, 2)
-    circles = switch_circle(branch, branch.bifurcations[0], -0.4, 0.2, max_points=8)
-    assert all(c is not None and len(c.coefficients) == 2 for c in circles.circles)
-    assert circles.invariance_errors.max() < 1e-8
-    s = (2.0 * pi * circles.rotation - 2.2) / 0.6
-    np.testing.assert_allclose(circles.values, s * s - s, atol=1e-9)

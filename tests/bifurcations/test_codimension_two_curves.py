@@ -72,20 +72,6 @@ def pair(x, p):
 
 
 @pytest.mark.thorough
-def test_folds_with_a_further_multiplier():
-    """x + a + c x - x^3 has folds at c = 3 x^2, a = -2 x^3, and the further multiplier is -1 at b = -x."""
-    exact = discrete_map(
-        lambda x, p: (x[0] + p.a + p.c * x[0] - x[0] ** 3 + x[1] ** 2, -(1.0 + p.b + x[0]) * x[1] + x[1] ** 3),
-        {"a": -0.5, "b": 0.3, "c": 0.5},
-        ("x", "y"),
-    )
-    found = followed(curve_of(exact, [-1.0, 0.0], FOLD, "ab"), POINT.FOLD_FLIP, "c")
-    x = found.points[:, 0]
-    assert_equal(found.values, np.stack([-2 * x**3, -x, 3 * x**2], axis=-1))
-    assert found.ends == BOTH_LEFT
-
-
-@pytest.mark.thorough
 def test_folds_with_a_pair_end_where_it_meets():
     exact = discrete_map(
         lambda x, p: (x[0] + p.a + p.c * x[0] - x[0] ** 3 + x[1] ** 2, *pair(x, p)),

@@ -71,28 +71,6 @@ def test_melnikov(force, coordinate, saddle, critical):
     assert deviations[0] / deviations[1] == pytest.approx(4.0, abs=0.02)  # order 2 in epsilon
 
 
-def in_three_dimensions(x, p):
-    """The Hénon map beside a contraction, in coordinates in which the plane of its orbits is curved."""
-    image = p.a - x[0] ** 2 + p.b * x[1], x[0]
-    return *image, 0.3 * image[0] * image[1] + 0.4 * (x[2] - 0.3 * x[0] * x[1])
-
-
-@pytest.mark.thorough
-def test_more_dimensions(outer):
-    exact = discrete_map(in_three_dimensions, {"a": 1.4, "b": -0.3}, ("x", "y", "z"))
-    saddle = periodic_orbit(exact, [-2.0, -2.0, 1.2])
-    orbit = connecting_orbits(exact, saddle, max_steps=20, n_samples=4096)[0]
-    x, y, z = orbit.points.T
-    np.testing.assert_allclose(z, 0.3 * x * y, atol=1e-9)
-    np.testing.assert_allclose(x[1:], 1.4 - x[:-1] ** 2 - 0.3 * y[:-1], atol=1e-9)
-    branch = continue_connection(orbit, "a", 1.2, 1.5)
-    assert [t.value for t in branch.tangencies] == pytest.approx([1.3145271093265], abs=1e-10)
-    curve = continue_tangency(branch.tangencies[0], ("a", "b"), (1.2, 1.6), (-0.4, -0.2), step=0.2)
-    (touching,) = continue_connection(outer, "a", 1.25, 1.45).tangencies
-    expected = continue_tangency(touching, ("a", "b"), (1.2, 1.6), (-0.4, -0.2), step=0.2)
-    np.testing.assert_allclose(curve.values[[0, -1]], expected.values[[0, -1]], rtol=1e-8)
-
-
 def test_a_branch_ends_where_a_saddle_changes_its_stability():
     exact = discrete_map(lambda x, p: (1 - p.a * x[0] ** 2 + x[1], p.b * x[0]), {"a": 1.2, "b": 0.3}, ("x", "y"))
     one, two = periodic_orbit(exact, [0.6, 0.2]), periodic_orbit(exact, [-0.5, 0.3], 2)

@@ -88,19 +88,3 @@ def test_the_doubled_orbit_of_a_flip_and_a_neimark_sacker_bifurcation():
     np.testing.assert_allclose(p, -0.5 * q, atol=1e-9)
     np.testing.assert_allclose(found.points[:, 2] ** 2, q, atol=1e-9)
     assert found.ends == ("flip-Neimark-Sacker", "left the intervals")
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(("e", "step"), [(8e-4, 0.05), (8e-4, 0.2), (8e-4, 1.0), (-1e-2, 0.2), (0.1, 1.0)])
-def test_folds_of_doubled_orbits_begin_where_these_are_born_whatever_the_step(e, step):
-    """x -> -x maps -(1 + q) x + s x^3 + e x^5 to itself: orbits of period 2 have q = s w + e w^2 with w = x^2."""
-    flip = discrete_map(
-        lambda x, p: (-(1 + p.q) * x[0] + p.s * x[0] ** 3 + p.e * x[0] ** 5,), {"q": -0.1, "s": 0.5, "e": e}, ("x",)
-    )
-    curve = curve_of(flip, [0.0], DOUBLING, "qs", ((-0.5, 0.5), (-1.0, 1.0)))
-    (point,) = curve.codimension_two()
-    folds = switch_curve(curve, point, (-5.0, 5.0), (-10.0, 10.0), step=step)
-    assert folds.ends == ("generalised flip", "left the intervals")
-    q, s = folds.values.T
-    np.testing.assert_allclose(q, -(s**2) / (4.0 * e), rtol=1e-9, atol=1e-12)
-    assert folds.codimension_two() == ()

@@ -4,7 +4,7 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
-from branch_kinds import BOTH_LEFT, DEGENERATE, DOUBLING, FOLD, NEIMARK_SACKER, PITCHFORK, POINT, kinds, values
+from branch_kinds import DEGENERATE, DOUBLING, FOLD, NEIMARK_SACKER, PITCHFORK, POINT, kinds, values
 from cases import branch_at_rest, branch_of, curve_of, thorough
 
 from cellmap import ForcedSystem, discrete_map, periodic_orbit, section_map, stroboscopic_map
@@ -24,21 +24,6 @@ def test_a_pitchfork_is_one_point_where_a_parameter_breaks_the_symmetry(broken):
     curve = curve_of(cubic, [0.0], PITCHFORK, "qT", ((-1.0, 1.0), (-0.3, 0.3)))
     assert curve.ends == ("symmetry broken", "symmetry broken")
     np.testing.assert_allclose(curve.values, [[0.0, 0.0]], atol=1e-12)
-
-
-@pytest.mark.thorough
-def test_a_pitchfork_is_followed_where_the_centre_of_its_symmetry_moves():
-    # In y = x - sin(3 e) the map is y (1 + q - e^2) - y^3, odd whatever e, with the pitchfork at q = e^2.
-    def step(x, p):
-        y = x[0] - sin(3.0 * p.e)
-        return y * (1.0 + p.q - p.e**2) - y**3 + sin(3.0 * p.e), 0.5 * x[1] + p.e
-
-    moved = discrete_map(step, {"q": -0.25, "e": 0.0}, ("x", "y"))
-    curve = curve_of(moved, [0.0, 0.0], PITCHFORK, "qe", ((-0.3, 0.3), (-0.1, 0.1)))
-    q, e = curve.values.T
-    assert (*curve.ends, e.min(), e.max()) == (*BOTH_LEFT, -0.1, 0.1)
-    np.testing.assert_allclose(q, e**2, atol=1e-10)
-    np.testing.assert_allclose(curve.points, np.column_stack([np.sin(3.0 * e), 2.0 * e]), atol=1e-9)
 
 
 # Ends of curves, and conditions along them.

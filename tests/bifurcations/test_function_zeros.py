@@ -8,11 +8,10 @@ import pytest
 from cases import branch_of
 
 from cellmap import ForcedSystem, angle, discrete_map, plot, stroboscopic_map
-from cellmap.bifurcations import OrbitFunction, continue_bifurcation, switch_branch
+from cellmap.bifurcations import OrbitFunction, continue_bifurcation
 from cellmap.exchange import save_auto, to_dataframe
 
 PEAK = OrbitFunction("x", "amplitude", extremum=True)
-R = 1.0 + np.sqrt(5.0)
 
 
 @pytest.fixture(scope="module")
@@ -57,29 +56,6 @@ def test_curves_of_peaks_and_of_equal_amplitude(linear):
     ax = plot.bifurcation_curves([levels, peaks])
     assert [t.get_text() for t in ax.texts] == ["w=1"]
     plt.close("all")
-
-
-def test_maps_in_closed_form(henon):
-    logistic = discrete_map(lambda x, p: (p.r * x[0] * (1.0 - x[0]),), {"r": 2.0}, ("x",))
-    fixed = branch_of(logistic, [0.5], "r", 1.5, 3.5, step=0.05)
-    # x = 1 - 1/r: the parabola (r - 1)(4 - r) has its vertex at 5/2; zeros at points of the branch and at its end.
-    functions = {
-        "vertex": OrbitFunction(lambda t, x, p: x[0] * p.r * (4.0 - p.r), extremum=True),
-        "start": lambda t, x, p: p.r - 2.0,
-        "end": lambda t, x, p: 3.5 - p.r,
-        "x": OrbitFunction("x", value=0.6),
-    }
-    found = {z.name: z.value for z in fixed.with_zeros(functions).zeros}
-    assert found == pytest.approx({"vertex": 2.5, "start": 2.0, "end": 3.5, "x": 2.5}, abs=1e-10)
-    doubled = switch_branch(fixed, fixed.bifurcations[-1], 1.5, 3.6, step=0.05).with_zeros(
-        {"superstable": OrbitFunction("x", "minimum", value=0.5)}
-    )
-    (zero,) = doubled.zeros
-    assert zero.value == pytest.approx(R, abs=1e-12) and abs(zero.multipliers[0]) < 1e-8
-    flips = continue_bifurcation(henon, henon.bifurcations[-1], "b", (0.0, 1.4), (-0.5, 0.9), step=0.05)
-    # Period doublings at a = 3/4 (1 - b)^2, along which a + b is least at (1/3, 1/3).
-    least = flips.with_zeros({"least": OrbitFunction(lambda t, x, p: p.a + p.b, extremum=True)}).zeros
-    assert least[0].values == pytest.approx([1.0 / 3.0, 1.0 / 3.0], abs=1e-9) and len(least) == 1
 
 
 def test_branch_cuts_are_no_zeros_and_functions_that_vanish_are_refused():
@@ -176,7 +152,3 @@ def test_functions_that_are_zero_on_a_stretch_are_said_so_once(parabola):
         found = parabola.with_zeros({**functions, "x": OrbitFunction("x", value=0.2)}).zeros
     assert len(caught) == 2 and [z.name for z in found] == ["half", "x"]
     np.testing.assert_allclose([z.point[0] for z in found], [-0.5, 0.2], rtol=0, atol=1e-12)
-
-
-def test_coordinates_have_numbers(parabola):
-    np.testing.assert_array_equal(parabola.measure(np.int64(0)), parabola.measure(0))

@@ -4,7 +4,7 @@ from math import gamma, hypot, sqrt
 
 import numpy as np
 import pytest
-from branch_kinds import DOUBLING, FOLD, NEIMARK_SACKER, PITCHFORK
+from branch_kinds import DOUBLING, FOLD, NEIMARK_SACKER
 from cases import branch_of
 
 from cellmap import discrete_map
@@ -54,30 +54,6 @@ def test_the_delayed_logistic_map():
     assert_meets(form(found), -(1.0 + 1j * sqrt(3.0)) * 2.0 * c**2 / (1.0 + c**2), "supercritical")
 
 
-@pytest.mark.parametrize(("coupling", "kind"), [(-0.1, DOUBLING), (0.9, PITCHFORK)])
-def test_coupled_logistic_maps(coupling, kind):
-    # Out of phase, q = (1, -1)/sqrt(2), the multiplier is m f' with m = 1 - 2 coupling, and the coefficient
-    # m f''^2/(4 (1 - f')).
-    def pair(x, p):
-        f = [p.r * u * (1.0 - u) for u in x]
-        return (1.0 - p.c) * f[0] + p.c * f[1], (1.0 - p.c) * f[1] + p.c * f[0]
-
-    m, critical = 1.0 - 2.0 * coupling, -1.0 if kind is DOUBLING else 1.0
-    r = 2.0 - critical / m
-    exact = discrete_map(pair, {"r": r - 0.1, "c": coupling}, ("x", "y"))
-    x = 1.0 - 1.0 / (r - 0.1)
-    (found,) = branch_of(exact, [x, x], "r", r - 0.2, r + 0.1).of_kind(kind)
-    c = m * (2.0 * r) ** 2 / (4.0 * (r - 1.0))
-    assert_meets(form(found), c, "supercritical" if (c > 0.0) is (kind is DOUBLING) else "subcritical")
-
-
-def test_the_second_iterate_has_the_coefficients_of_the_first():
-    # At a doubling with x -> -x + b x^3 the second iterate is x -> x - 2 b x^3.
-    exact = logistic_map(3.0)
-    twice = normal_form(exact, [2.0 / 3.0], PITCHFORK, 2)
-    assert_meets(twice, -18.0, "supercritical")
-
-
 def test_a_coefficient_that_vanishes_is_degenerate():
     # x -> -x + x^2 - x^3 + ...: b = f'''/6 + f''^2/4 = 0 where f = -x + s x^2 - s^2 x^3.
     for s in (0.5, 3.0):
@@ -92,15 +68,6 @@ def test_a_double_multiplier_has_no_coefficient():
     found = normal_form(sheared, [0.0, 0.0], FOLD)
     assert found.criticality is Criticality.DEGENERATE
     assert np.isnan(found.coefficient)
-
-
-def test_units_change_the_coefficient_and_not_the_criticality():
-    # In the unit s of x the coefficient of x^3 is multiplied by s^2.
-    for s in (1e-6, 1e5):
-        exact = discrete_map(lambda x, p: (3.0 * x[0] * (1.0 - x[0] / p.s),), {"s": s}, ("x",))
-        found = normal_form(exact, [2.0 / 3.0 * s], DOUBLING)
-        assert found.coefficient * s**2 == pytest.approx(9.0, rel=1e-11)
-        assert found.criticality is Criticality.SUPERCRITICAL
 
 
 # Formulas that are unknown, and formulas with branches: differences of Jacobian matrices.

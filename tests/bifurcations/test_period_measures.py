@@ -1,6 +1,6 @@
 """Measures of periodic orbits over their period, against closed forms and balances."""
 
-from math import copysign, cos, exp, pi, sin
+from math import copysign, cos, pi, sin
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -8,9 +8,8 @@ import pytest
 from branch_kinds import FOLD
 from cases import branch_of
 from scipy.integrate import solve_ivp
-from scipy.special import iv
 
-from cellmap import ForcedSystem, bifurcation_diagram, discrete_map, plot, section_map, stroboscopic_map
+from cellmap import ForcedSystem, bifurcation_diagram, discrete_map, plot, stroboscopic_map
 from cellmap.bifurcations import OrbitFunction, continue_bifurcation, switch_branch
 from cellmap.exchange import from_xarray, to_dataframe
 from systems import duffing_oscillator
@@ -102,33 +101,6 @@ def test_tables_and_labelled_arrays_have_columns_of_functions(resonance):
         from_xarray(diagram.to_xarray()).measure("x")
     with pytest.raises(TypeError, match="functions="):
         to_dataframe(resonance.bifurcations, least)
-
-
-@pytest.mark.thorough
-def test_limit_cycles_have_their_amplitude_whatever_the_section():
-    # Hopf: x' = a x - y - x r^2, y' = x + a y - y r^2 has the circle of radius sqrt(a), once in 2 pi.
-    def hopf(t, s, p):
-        x, y = s
-        (a,) = p
-        square = x**2 + y**2
-        return a * x - y - x * square, x + a * y - y * square
-
-    system = ForcedSystem(hopf, {"a": 0.5}, 1.0, ("x", "y"))
-    section = section_map(system, ("y", 0.0, 1), rtol=1e-11, atol=1e-11)
-    branch = branch_of(section, [0.7], "a", 0.1, 1.0, step=0.1)
-    radius = np.sqrt(branch.values)
-    for quantity, measure, expected in (
-        ("x", "maximum", radius),
-        ("y", "minimum", -radius),
-        ("y", "norm", radius / np.sqrt(2.0)),
-        (lambda t, s, p: s[0] ** 2 + s[1] ** 2 + sin(t) ** 2, "mean", branch.values + 0.5),
-        ("y", None, 0.0 * radius),
-        (lambda t, s, p: exp(3.0 * s[1]), "mean", iv(0, 3.0 * radius)),
-        (lambda t, s, p: exp(3.0 * s[1]), "maximum", np.exp(3.0 * radius)),
-    ):
-        np.testing.assert_allclose(branch.measure(quantity, measure), expected, rtol=1e-9, atol=1e-12)
-    (zero,) = branch.with_zeros({"half": OrbitFunction("y", "amplitude", value=0.5)}).zeros
-    assert zero.value == pytest.approx(0.25, abs=1e-11)
 
 
 def test_high_harmonics_and_signals_with_jumps_and_kinks_have_no_wrong_measure():

@@ -4,11 +4,11 @@ from math import cos, exp, pi, sin
 
 import numpy as np
 import pytest
-from branch_kinds import BOTH_LEFT, DOUBLING, FOLD, LEFT, PITCHFORK
+from branch_kinds import DOUBLING, LEFT, PITCHFORK
 from cases import branch_of
 
 from cellmap import ForcedSystem, periodic_orbit, stroboscopic_map
-from cellmap.bifurcations import continue_bifurcation, orbit_continuation, switch_branch
+from cellmap.bifurcations import orbit_continuation, switch_branch
 from cellmap.orbits.multipliers import multipliers_of_product
 from cellmap.orbits.shooting import ShootingProblem
 from systems import driven_pendulum
@@ -101,28 +101,3 @@ def test_segments_change_no_bifurcation(pendulum):
     (orbit,) = swing.orbits_at(0.013)
     images = pendulum.with_params(amplitude=0.013).iterate(orbit.points[0], 2).points
     np.testing.assert_allclose(np.mod(images, 2 * pi), np.mod(orbit.points[0], 2 * pi), rtol=1e-8)
-
-
-@pytest.mark.thorough
-def test_a_curve_of_folds_with_multipliers_up_to_1e21():
-    """x = cos t repels with exp(2 pi rate) and drives y, whose fixed points meet at q = -b^2 / 4."""
-
-    def rhs(t, x, p):
-        return p.rate * (x[0] - cos(t)) - sin(t), p.q + p.b * x[1] - x[1] ** 2 + 0.1 * (x[0] - cos(t))
-
-    params = {"rate": 3.0, "q": 1.0, "b": 0.0}
-    exact = stroboscopic_map(ForcedSystem(rhs, params, 2 * pi, ("x", "y")), rtol=1e-11, atol=1e-11)
-    branch = branch_of(exact, [1.0, 1.0], "q", -1.0, 2.0, step=0.1)
-    (fold,) = branch.bifurcations
-    assert fold.kind is FOLD and fold.value == pytest.approx(0.0, abs=1e-9)
-    np.testing.assert_allclose(branch.points[:, 1] ** 2, branch.values, atol=1e-8)
-    bent = continue_bifurcation(branch, fold, "b", (-1.0, 2.0), (-1.0, 1.0), step=0.1)
-    assert bent.ends == BOTH_LEFT
-    np.testing.assert_allclose(bent.values[:, 0], -(bent.values[:, 1] ** 2) / 4.0, atol=1e-12)
-    straight = continue_bifurcation(branch, fold, "rate", (-1.0, 2.0), (2.0, 8.0), step=0.1)
-    assert straight.ends == BOTH_LEFT
-    np.testing.assert_allclose(straight.values[:, 0], 0.0, atol=1e-12)
-    np.testing.assert_allclose(straight.multipliers[:, 0].real, np.exp(2 * pi * straight.values[:, 1]), rtol=1e-9)
-    np.testing.assert_allclose(straight.multipliers[:, 1], 1.0, atol=1e-6)
-    assert straight.multipliers[:, 0].real.max() > 1e21
-    assert straight.codimension_two() == ()
