@@ -212,14 +212,6 @@ def lists(x: float) -> float:
     return sum([0.5] * int(abs(x)))
 
 
-def newton(x: float) -> float:
-    """Return the root of y + y^3 = x: as many steps as Newton's method takes."""
-    y = 0.0
-    while abs(y + y**3 - x) > 1e-12 * (1.0 + abs(x)):
-        y -= (y + y**3 - x) / (1.0 + 3.0 * y * y)
-    return y
-
-
 @pytest.mark.parametrize("growing", [ranges, waits, recurs, lists, lambda x: float(np.zeros(int(abs(x))).sum())])
 def test_what_grows_with_the_state_is_refused_at_once(growing: Callable[[float], float]) -> None:
     began = time.process_time()
@@ -234,10 +226,3 @@ def test_loops_as_long_as_a_parameter_says_are_kept() -> None:
     """The sum of 0, 1, ..., 14 is 105."""
     image = discrete_map(lambda x, p: (ranges(p.n) + 0.0 * x[0],), {"n": 5.0}, ("x",))
     assert image([0.5])[0] == 105.0
-
-
-@pytest.mark.thorough
-def test_a_loop_that_ends_wherever_it_begins_is_kept() -> None:
-    """y + y^3 = 10 has the root 2, and y + y^3 = -130 the root -5."""
-    image = discrete_map(lambda x, p: (newton(x[0]),), {}, ("x",))
-    assert image([[10.0], [-130.0]])[:, 0] == pytest.approx([2.0, -5.0], rel=1e-11)

@@ -153,37 +153,3 @@ def test_branches_on_both_sides_of_the_onset_of_sliding_end_there(force):
     ends = dict(zip(branch.ends, branch.values[[0, -1]], strict=True))
     assert ends.keys() == {"left the interval", "grazing"}
     assert ends["grazing"] == pytest.approx(abs(STIFFNESS) / 0.7, abs=1e-8)
-
-
-def comes_to_rest(e: float, height: float, speed: float, amplitude: float) -> bool:
-    """Follow flights of a ball, of weight 1, until it rests on a table, or that falls away at cos t = 1/amplitude."""
-    lost, t, least = 2 * pi - np.arccos(1.0 / amplitude), 0.0, 0.5
-
-    def above(q):
-        return height + speed * q - q * q / 2 - amplitude * cos(t + q)
-
-    while t < lost:
-        while above(1.02 * least) > 0.0:
-            least *= 1.02
-        flight = brentq(above, least, 1.02 * least, xtol=1e-15)
-        t += flight
-        table = -amplitude * sin(t)
-        relative = e * (table - (speed - flight))
-        if relative < 1e-6:
-            return t < lost
-        height, speed, least = amplitude * cos(t), table + relative, 0.5 * relative
-    return False
-
-
-@pytest.mark.thorough
-def test_a_branch_ends_where_its_orbit_no_longer_comes_to_rest():
-    """Impacts on a table accumulate the later the less speed they take; then the table has fallen away before."""
-    table = Impact(
-        lambda t, x, p: x[0] - p.A * cos(t), lambda t, x, p: (x[0], -p.A * sin(t) - p.e * (x[1] + p.A * sin(t)))
-    )
-    ball = ForcedSystem(lambda t, x, p: (x[1], -1.0), {"A": 1.2, "e": 0.7}, 2 * pi, ("h", "v"), impacts=[table])
-    exact = stroboscopic_map(ball, rtol=1e-11, atol=1e-11)
-    branch = continue_orbit(exact, periodic_orbit(exact, exact.iterate([1.2, 0.0], 9).points), "e", 0.6, 0.9, step=0.1)
-    assert branch.ends == ("left the interval", "rest begins or ends")
-    last, (height, speed) = branch.values[-1], branch.points[-1]
-    assert [comes_to_rest(last + d, height, speed, 1.2) for d in (-1e-4, 1e-4)] == [True, False]

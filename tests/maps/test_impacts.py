@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cellmap import CellGrid, ForcedSystem, angle, find_basins, stroboscopic_map
+from cellmap import ForcedSystem, angle, stroboscopic_map
 from cellmap.maps import Impact, Status, ToleranceWarning, flow_map, jacobian, swept_map, swept_system, trajectory
-from cellmap.orbits import Kind
 
 
 def falling(t, x, p):
@@ -101,15 +100,6 @@ def test_rest_ends_where_the_table_falls_away(place):
     assert jacobian(exact, place) == pytest.approx(np.zeros((2, 2)), abs=1e-12)  # rest forgets where it came from
 
 
-def test_rest_on_a_table_that_never_throws():
-    """With an acceleration below g every ball comes to rest, from below the table as well, where it is put on it."""
-    slow = stroboscopic_map(TABLE.with_params(amplitude=0.8))
-    basins = find_basins(slow, CellGrid((0.5, -2), (4, 2), (12, 12)), max_periods=300)
-    (attractor,) = basins.attractors
-    assert (attractor.kind, (basins.labels == 0).all()) == (Kind.FIXED_POINT, True)
-    assert attractor.points[0] == pytest.approx((0.8, 0.0), abs=1e-12)
-
-
 @pytest.mark.parametrize(
     ("system", "places"),
     [
@@ -194,14 +184,6 @@ def test_derivatives_by_parameters_of_guard_reset_and_period_are_those_of_scipy(
     found = jacobian(swept_map(stroboscopic_map(TABLE), "amplitude", "omega"), [2.5, 0.0, *values])
     assert found[:2, 2:] == pytest.approx(np.stack(slopes, axis=1), rel=1e-6)
     assert (found[2:] == np.eye(4)[2:]).all()
-
-
-@pytest.mark.thorough
-def test_a_state_that_rests_on_a_moving_table_moves_with_it_under_its_parameters():
-    """Where the table passes its mean place it has the speed amplitude * omega, and so has what rests on it."""
-    exact = stroboscopic_map(TABLE.with_params(amplitude=1.2), phase=0.75)
-    found = jacobian(swept_map(exact, "amplitude", "omega"), [0.0, 1.2, 1.2, 1.0])
-    assert found[:2, 2:] == pytest.approx(np.array([[0.0, 0.0], [1.0, 1.2]]), abs=1e-11)
 
 
 @pytest.mark.parametrize("along", [7.0, -3.0])

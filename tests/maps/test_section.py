@@ -20,12 +20,7 @@ def lorenz(t, x, p):
     return p.s * (x[1] - x[0]), x[0] * (p.r - x[2]) - x[1], x[0] * x[1] - p.b * x[2]
 
 
-def thomas(t, x, p):
-    return sin(x[1]) - p.b * x[0], sin(x[2]) - p.b * x[1], sin(x[0]) - p.b * x[2]
-
-
 LORENZ = ForcedSystem(lorenz, {"s": 10.0, "r": 28.0, "b": 8 / 3}, 0.7, ("x", "y", "z"))
-THOMAS = ForcedSystem(thomas, {"b": 0.19}, 6.0, ("x", "y", "z"))
 SPIRAL = ForcedSystem(lambda t, x, p: (x[1], -x[0] - 2 * p.d * x[1]), {"d": 0.1}, 6.0, ("q", "v"))
 TORQUE = ForcedSystem(
     lambda t, x, p: (x[1], p.torque - sin(x[0]) - 0.2 * x[1]), {"torque": 1.5}, 2.0, (angle("theta"), "v")
@@ -33,40 +28,6 @@ TORQUE = ForcedSystem(
 ROTATING = ForcedSystem(lambda t, x, p: (p.w, sin(x[0]) - x[1]), {"w": 1.0}, 2.0, (angle("theta"), "v"))
 PENDULUM = ForcedSystem(lambda t, x, p: (x[1], -sin(x[0]) - p.d * x[1]), {"d": 0.02}, 2.0, (angle("theta"), "v"))
 CENTRED = ForcedSystem(lambda t, x, p: (x[1], p.c - x[0] - 0.4 * x[1]), {"c": 0.0}, 6.0, ("q", "v"))
-
-
-def by_events(system, place, value, direction, ic, time=60.0):
-    """First crossing after the start."""
-
-    def event(t, y):
-        return sin((y[place] - value) / 2) if system.axes[place].is_angle else y[place] - value
-
-    settings = {"rtol": 1e-13, "atol": 1e-13, "method": "DOP853", "max_step": 0.05}
-    event.direction = direction
-    done = solve_ivp(system.fun, (0.0, time), ic, events=event, **settings)
-    late = done.t_events[0] > 1e-9
-    return done.t_events[0][late][0], done.y_events[0][late][0]
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("system", "section", "initial_conditions"),
-    [
-        (LORENZ, ("z", 27.0, -1), [[-10.0, -12.0], [6.0, 2.0], [1.0, -3.0], [12.0, 9.0]]),
-        (LORENZ, ("x", 0.0, 0), [[5.0, 20.0], [-7.0, 25.0]]),
-        (THOMAS, ("x", 0.0, 1), [[1.0, 0.5], [-0.4, 2.0]]),
-        (TORQUE, ("theta", 1.0, 0), [[3.0], [7.0]]),  # driven round and round, to theta = 1 + 2 pi
-    ],
-)
-def test_returns_are_those_of_an_event_finder(system, section, initial_conditions):
-    place = [c.name for c in system.axes].index(section[0])
-    returns = section_map(system, section, rtol=1e-12, atol=1e-12).returns(initial_conditions)
-    loose = section_map(system, section, rtol=1e-7, atol=1e-7).returns(initial_conditions)
-    for k, ic in enumerate(initial_conditions):
-        time, state = by_events(system, place, section[1], section[2], np.insert(ic, place, section[1]))
-        assert returns.times[k] == pytest.approx(time, abs=1e-10)
-        np.testing.assert_allclose(returns.points[k], np.delete(state, place), atol=1e-9)
-        np.testing.assert_allclose(loose.points[k], np.delete(state, place), rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("direction", [-1, 0, 1])
