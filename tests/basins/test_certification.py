@@ -25,7 +25,7 @@ from cellmap.attractors.settling.settle import Catalogue, settle
 from cellmap.basins import Evidence
 from cellmap.basins.certification.cell_owners import within
 from cellmap.maps.orbit_batch import Orbits
-from systems import dimensionless_pendulum, two_well_duffing
+from systems import two_well_duffing
 
 COARSE = 1e6  # a tolerance that leaves no cell to the exact map
 EDGE = 0.1234567  # of the basins of the map below
@@ -89,16 +89,6 @@ def test_labels_that_cost_too_much_to_certify_are_integrated(fractal):
         others = less.evidence != Evidence.DIRECT
         np.testing.assert_array_equal(less.evidence[others], certificate.evidence[others])
         assert less.cost.evaluations < 1.3 * direct.cost.evaluations
-
-
-def test_smooth_boundary_needs_no_integration():
-    window = CellGrid((-pi, -4.0), (pi, 4.0), (120, 120))
-    table = CellGrid((-pi, -4.5), (pi, 4.5), (256, 256))
-    certificate, _, direct = certified(dimensionless_pendulum(-0.1, 0.545, 0.2), table, window)
-    assert certificate.redone <= 2
-    assert certificate.open == 0
-    assert (certificate.evidence == Evidence.CELL).mean() > 0.9
-    np.testing.assert_array_equal(certificate.basins.labels, direct.labels)
 
 
 @pytest.mark.parametrize("order", [1, 3, 5])

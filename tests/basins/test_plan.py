@@ -278,14 +278,6 @@ def test_an_exact_map_is_used_as_it_is():
     assert planned.outcome(point_map, seconds=1.0).predicted_seconds == planned.seconds
 
 
-def test_the_window_holds_the_orbits():
-    swings = discrete_map(lambda x, p: (0.9 * x[1], -1.5 * x[0]), {}, ("x", "y"))
-    planned = plan(swings, CellGrid((-1, -1), (1, 1), (30, 30)), accuracy=1e-6, periods=4)
-    window = planned.measurements.window
-    assert window.lower[1] < -1.4 and window.upper[1] > 1.4
-    assert planned.measurements.outside < 0.01
-
-
 def test_an_accuracy_out_of_reach_is_warned_of():
     exact = discrete_map(halves, {}, ("x",))
     with pytest.warns(AccuracyWarning, match="ask for less"):

@@ -9,9 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from cellmap import Basins, CellGrid, discrete_map, find_basins, plot, stroboscopic_map, trajectory
+from cellmap import Basins, CellGrid, discrete_map, find_basins, plot
 from cellmap.basins import symmetric_groups
-from systems import two_well_duffing
 
 mpl.use("Agg")
 
@@ -51,25 +50,6 @@ def test_wells_on_a_ring_are_necklaces() -> None:
     assert sum(widths) == pytest.approx(1.0)
     plt.close(ax.figure)
     assert found.to_dataframe()["sizes"].tolist() == found.sizes.tolist()
-
-
-@pytest.mark.thorough
-def test_a_symmetry_that_takes_half_a_period() -> None:
-    """x(t) to -x(t + T/2) exchanges the wells of Duffing's oscillator."""
-    system = two_well_duffing()
-    basins = find_basins(stroboscopic_map(system), CellGrid((-1.5, -1.0), (1.5, 1.0), (12, 12)))
-    assert symmetric_groups(basins).symmetries == ()
-
-    def half(x: Any) -> Any:
-        return -trajectory(system, x, 1, samples_per_period=2).states[1]
-
-    found = symmetric_groups(basins, {"half a period": half})
-    assert found.missing == ()
-    for labels in found.groups:
-        rotated = half(np.concatenate([basins.attractors[k].points for k in labels]))
-        points = np.concatenate([basins.attractors[k].points for k in labels])
-        apart = np.abs(rotated[:, None] - points[None]).max(axis=-1).min(axis=1)
-        assert apart.max() < (1e-6 if basins.attractors[labels[0]].period else 0.5)
 
 
 def test_chaotic_attractors_are_matched_as_clouds() -> None:

@@ -10,7 +10,6 @@ import pytest
 import systems
 from cellmap import (
     CellGrid,
-    ForcedSystem,
     Label,
     angle,
     discrete_map,
@@ -18,7 +17,6 @@ from cellmap import (
     find_basins,
     load_basins,
     save_basins,
-    stroboscopic_map,
 )
 from cellmap.attractors.kinds import chaos
 from cellmap.attractors.kinds.chaos import examine
@@ -96,26 +94,6 @@ def test_chaotic_transients_to_known_chaotic_attractors_are_no_attractors(sweeps
     assert (basins.labels[np.abs(s) < 0.5] == Label.UNDECIDED).all()
     assert set(basins.undecided) <= {Reason.TRANSIENT, Reason.KNOWN}
     assert basins.undecided[Reason.TRANSIENT] > 0
-
-
-def duffing(t, x, p):
-    return x[1], p.a * x[0] - p.b * x[0] ** 3 - p.d * x[1] + p.g * cos(p.w * t)
-
-
-SEVENFOLD = {"a": 0.5, "b": 0.8558269832960217, "d": 0.19161137246192342, "g": 0.10391845296070396}
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("max_periods", [600, 2000])
-def test_two_wells_with_long_transients(max_periods, sweeps) -> None:
-    """Two attractors of seven bands each; along both the largest exponent is 0.083 (2,000 periods, six orbits)."""
-    w = 0.7992158982633143
-    two_wells = stroboscopic_map(ForcedSystem(duffing, SEVENFOLD | {"w": w}, 2 * pi / w, ("q", "v")))
-    basins = find_basins(two_wells, CellGrid((-1.8, -1.8), (1.8, 1.8), (30, 30)), max_periods)
-    assert len(sweeps) <= 8
-    assert [a.kind for a in basins.attractors] == [Kind.CHAOTIC] * 2
-    assert [a.exponents[0] for a in basins.attractors] == pytest.approx([0.083, 0.083], abs=0.01)
-    assert set(basins.undecided) <= {Reason.TRANSIENT, Reason.KNOWN, Reason.REGULAR, Reason.VISITING}
 
 
 def test_sweeps_are_bounded_whatever_is_found(sweeps, monkeypatch) -> None:

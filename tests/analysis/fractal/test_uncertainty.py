@@ -71,14 +71,6 @@ def forced():
     return find_basins(table(systems.forced_pendulum(), 9.0), WINDOW)
 
 
-@pytest.mark.thorough
-def test_forced_pendulum_by_table(forced):
-    """0.308 +- 0.01 (REFERENCES.md)."""
-    found = uncertainty_exponent(forced)
-    assert found.exponent == pytest.approx(0.308, abs=0.01)
-    assert found.verdict == "fractal"
-
-
 def rising(fall, pairs=40_000):
     """Counts whose local slopes rise from 0.8 by `fall` a decade."""
     distances = 2.0 ** -np.arange(6.0, 13.0)
@@ -94,16 +86,6 @@ def test_verdict_waits_for_pairs():
     assert rising(0.0).verdict == "undetermined"
     assert rising(0.0, 40_000_000).verdict == "fractal"
     assert rising(0.1, 40_000_000).verdict == "undetermined"
-
-
-@pytest.mark.thorough
-def test_inverted_pendulum_is_smooth():
-    """Exponent 1 (REFERENCES.md)."""
-    icm = table(systems.dimensionless_pendulum(-0.1, 0.545, 0.2), 5.0, (256, 384))
-    found = uncertainty_exponent(find_basins(icm, WINDOW), max_pairs=500_000)
-    assert found.exponent == pytest.approx(1.0, abs=2 * found.standard_error)
-    assert found.standard_error < 0.03
-    assert found.verdict == SMOOTH
 
 
 # --- what is not said
@@ -259,15 +241,6 @@ def test_a_mixed_image_has_exponent_zero():
     found = image_uncertainty_exponent(np.random.default_rng(0).integers(0, 2, (300, 200)))
     assert found.exponent == pytest.approx(0.0, abs=0.01)
     assert found.fractions == pytest.approx(0.5, abs=0.01)
-
-
-def test_image_of_grebogi_ott_and_yorke():
-    region = CellGrid((0.0, -0.5), (2 * pi, 0.5), (450, 300))
-    basins = find_basins(systems.grebogi_ott_yorke_map(), region)
-    found = image_uncertainty_exponent(basins)
-    assert found.exponent == pytest.approx(0.205, abs=max(0.02, 2 * found.standard_error))
-    assert found.verdict == "fractal"
-    assert found.dimension == 2
 
 
 def test_pairs_reach_round_circles():

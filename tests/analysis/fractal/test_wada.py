@@ -130,18 +130,6 @@ def test_wada_pendulum():
     assert found.colours.shape == (100, 100)
 
 
-@pytest.mark.thorough
-def test_partially_wada_pendulum():
-    """At a forcing of 1.71 there are four basins, and some boundary has two of them only (Wagemakers et al. 2021)."""
-    point_map = pendulum(1.71)
-    assert wada_merging(find_basins(point_map, window(400))).verdict == "partially"
-    found = wada_grid(find_basins(point_map, window(100)), max_points=500_000)
-    assert len(found.basins) == 4
-    assert found.verdict == "partially"
-    # Boxes that lack a basin become half as many from step to step where the boundary is Wada; here they stay.
-    assert found.fractions[-1, 2] > 0.9 * found.fractions[-2, 2] > 0.0
-
-
 def test_smooth_basins_are_not_wada_on_the_grid():
     """Sectors that meet in one point, from a rule, on a grid that is not square."""
     still = discrete_map(lambda x, p: (x[0] + 0.0 * x[1], x[1]), {}, ("x", "y"))

@@ -144,17 +144,6 @@ def test_a_run_that_is_interrupted_goes_on(line, tmp_path, monkeypatch):
     same(basin_stability(line, window, 40_000, checkpoint=tmp_path / "run.h5"), whole)
 
 
-@pytest.mark.thorough
-def test_a_cluster_gives_the_same_labels(line):
-    distributed = pytest.importorskip("distributed")
-    with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        here, there = (basin_stability(line, n_samples=20_000, client=c) for c in (None, client))
-    same(here, there)
-
-
 # --- figures and summaries
 
 
