@@ -130,8 +130,22 @@ for name in sys.argv[1:] or CALLS:
 """
 
 
+OF_EACH_KIND = (
+    *("iterate section", "integrate", "interpolated_map", "certify", "cluster_orbits", "escape_rate", "wada_merging"),
+    *("correlation_dimension", "lyapunov_spectrum", "bifurcation_diagram", "find_branches", "morse_graph"),
+)
+"""Calls of the second tier, one of each kind of loop."""
+
+
 @pytest.mark.timeout(1200)
-@pytest.mark.parametrize("names", [("find_basins", "trajectory"), pytest.param((), marks=pytest.mark.thorough)])
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("find_basins", "trajectory"),
+        pytest.param(OF_EACH_KIND, marks=pytest.mark.thorough),
+        pytest.param((), marks=pytest.mark.slow),
+    ],
+)
 def test_each_long_call_is_answered_within_two_seconds_of_work(names):
     """Seconds of the processor, all threads together: how long that takes on a busy machine is not ours."""
     program = [sys.executable, "-c", PROGRAM, *names]

@@ -115,7 +115,7 @@ def killed_at_random(kills: int) -> None:
     print("killed", died)
 
 
-@pytest.mark.parametrize("times", [3, pytest.param(47, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("times", [3, pytest.param(17, marks=pytest.mark.thorough)])
 def test_killed_at_random_moments(times: int) -> None:
     program = "import sys; sys.path.insert(0, sys.argv[1]); import test_promises as t; t.killed_at_random({})"
     command = [sys.executable, "-c", program.format(times), str(Path(__file__).parent)]

@@ -113,7 +113,6 @@ explorer = serve(GALLERY[:1], open_page=False, watchers=5, host="127.0.0.1")
 print(explorer.address, explorer.watch_address, flush=True)
 sys.stdin.read()
 """
-STRANGERS = 2000
 
 
 @contextlib.contextmanager
@@ -129,7 +128,7 @@ def served(limit: int) -> Iterator[tuple[str, str]]:
 
 
 @contextlib.contextmanager
-def strangers(place: str, said: bytes, many: int = STRANGERS) -> Iterator[Callable[[], int]]:
+def strangers(place: str, said: bytes, many: int) -> Iterator[Callable[[], int]]:
     """Hold many connections, which are as slow to be made as the server makes them; yield how many it has closed."""
     host, port = place.split(":")
     with contextlib.ExitStack() as stack:
@@ -167,14 +166,14 @@ def answered(address: str) -> float:
 
 @pytest.mark.parametrize(("limit", "said"), [pytest.param(1024, b"", marks=pytest.mark.thorough), (256, b"GET /")])
 def test_the_page_and_those_who_watch_are_answered(limit: int, said: bytes) -> None:
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    (soft, hard), many = resource.getrlimit(resource.RLIMIT_NOFILE), 2 * limit
     with served(limit) as (own, watch):
-        resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, STRANGERS + 200), hard))
+        resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, many + 200), hard))
         try:
             for address in (watch, own):
-                with strangers(address.split("/")[2], said) as closed:
+                with strangers(address.split("/")[2], said, many) as closed:
                     assert max(answered(own), answered(watch)) < 5.0
-                    assert STRANGERS - limit // 8 <= closed() < STRANGERS
+                    assert many - limit // 8 <= closed() < many
         finally:
             resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 

@@ -28,7 +28,7 @@ def table_program() -> Any:
 LONG = set(
     "parameters nothing_attracts heavy_outer_mass periods large_drive next_to_one next_to_minus_one volumes chaos "
     "permanent_sticking long_transients free_swings boundary tiny_damping at_the_limit whip light_outer_mass "
-    "double_pendulum_in_line".split()
+    "double_pendulum_in_line beyond_bounds saddle".split()
 )
 """Cases of the second tier, a third of a second and more each."""
 

@@ -61,6 +61,7 @@ def judged(tree: Path, *places: str) -> tuple[subprocess.CompletedProcess[str], 
     return done, {(row["old"], row["new"]): row["killed"] for row in rows}
 
 
+@pytest.mark.thorough
 def test_a_wrong_mutant_is_killed_and_an_equivalent_one_survives(tree: Path) -> None:
     """Of two equal numbers either is the larger; a constant is seen where its module is imported again."""
     done, killed = judged(tree, LARGER, HALF, UNSEEN)

@@ -107,7 +107,7 @@ def test_branches_of_a_cascade_have_a_colour_each(cascade: Cascade) -> None:
 def test_an_angle_is_cut_at_its_branch_cut() -> None:
     # The fixed point is at theta = q, wherever that is on the circle.
     rotating = discrete_map(lambda x, p: (x[0] - 0.5 * np.sin(x[0] - p.q),), {"q": 0.5}, (angle("theta"),), "rotating")
-    ax = plot.branches(continue_orbit(rotating, periodic_orbit(rotating, [0.4]), "q", -4.0, 9.0))
+    ax = plot.branches(continue_orbit(rotating, periodic_orbit(rotating, [0.4]), "q", -4.0, 9.0, step=0.05))
     places = lines(ax, "-")
     q, theta = places[~np.isnan(places[:, 0])].T
     assert np.abs(np.exp(1j * theta) - np.exp(1j * q)).max() < 1e-11
@@ -120,6 +120,7 @@ def test_an_angle_is_cut_at_its_branch_cut() -> None:
     assert "$\\pi$" in [t.get_text() for t in ax.get_yticklabels()]
 
 
+@pytest.mark.thorough
 def test_an_orbit_on_the_branch_cut_does_not_jump() -> None:
     exact = stroboscopic_map(driven_pendulum())
     inverted = continue_orbit(exact, periodic_orbit(exact, [pi, 0.0]), "amplitude", 0.001, 0.014)

@@ -34,6 +34,7 @@ def cyclic(x, p):
     return c * a - s * b, s * a + c * b
 
 
+@pytest.mark.thorough
 def test_six_eigenvalues_on_the_unit_circle():
     """To four digits, and the six sets are mapped round."""
     point_map = discrete_map(cyclic, {}, ("x", "y"))

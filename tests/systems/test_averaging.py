@@ -248,6 +248,7 @@ def test_release_limits_are_those_of_plain_integration(scipy_images: Callable[..
         assert abs(gone[0] - pi) > 1.0
 
 
+@pytest.mark.thorough
 def test_release_limits_at_ten_millimetres_hold_what_finer_scans_find() -> None:
     """Plain scans give 1.6723 and 0.9457 (256 angles), 1.6597 and 0.9235 (2,048), 1.6596 and 0.8990 (16,384)."""
     system = systems.driven_pendulum(amplitude=0.010)

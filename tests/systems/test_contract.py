@@ -224,7 +224,7 @@ def test_the_map_agrees_with_scipy(name: str, scipy_images: Callable[..., NDArra
     assert map_of(name).iterate(initial_conditions, 1).unwrapped == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-SMALL, LARGE = ([n for n in SMOOTH_FLOWS if (FACTORIES[n]().dimension > 4) is large] for large in (False, True))
+SMALL, LARGE = ([n for n in SMOOTH_FLOWS if (FACTORIES[n]().dimension > 3) is large] for large in (False, True))
 
 
 @pytest.mark.parametrize("name", [*SMALL, *(pytest.param(n, marks=pytest.mark.thorough) for n in LARGE)])

@@ -132,7 +132,7 @@ def generalized_dimensions(
 
     Examples
     --------
-    >>> x = np.random.default_rng(0).random((200_000, 1))
+    >>> x = np.random.default_rng(0).random((50_000, 1))
     >>> np.round(generalized_dimensions(x).dimensions, 1)
     array([1., 1., 1.])
     """

@@ -7,7 +7,7 @@ import numpy as np
 
 import cellmap
 import systems
-from cellmap import CellGrid, ForcedSystem, PointMap, discrete_map
+from cellmap import CellGrid, ForcedSystem, PointMap, angle, discrete_map
 from cellmap.bifurcations import continue_bifurcation
 
 
@@ -59,6 +59,11 @@ def delayed_logistic() -> Any:
     return discrete_map(
         lambda x, p: (p.a * x[0] * (1 - x[1]) + p.e * x[0] ** 2, x[0]), {"a": 2.18, "e": 0.0}, ("x", "y"), "delayed"
     )
+
+
+def turning() -> Any:
+    """Return a map of the circle, locked to rest where abs(w) < k."""
+    return discrete_map(lambda x, p: (x[0] + p.w - p.k * np.sin(x[0]),), {"w": 0.1, "k": 0.5}, (angle("t"),))
 
 
 def circle_of_delayed_logistic() -> dict[str, Any]:

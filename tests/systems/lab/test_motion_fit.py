@@ -175,6 +175,7 @@ def test_dry_friction_and_mixtures(kind: str, coefficients: dict[str, float]) ->
     assert found.fits["viscous"].correlation > 0.5
 
 
+@pytest.mark.thorough
 def test_a_short_film_of_two_links() -> None:
     """Noise of 3 mrad is left over, and the length of the outer link is found within its error."""
     true = double_pendulum(amplitude=0.0, frequency=2.0, damping=0.5)

@@ -29,6 +29,7 @@ def test_fast_markers_are_foreseen() -> None:
     assert errors(recording, found).max() < 0.2
 
 
+@pytest.mark.thorough
 def test_a_bar_a_bright_object_and_dropped_frames() -> None:
     """What is not seen whole is flagged; the marker is found again, and the bright object never taken for it."""
     rod = lab.Rod(0, CENTRE, 55.0)
