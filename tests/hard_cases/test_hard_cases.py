@@ -26,7 +26,7 @@ def table_program() -> Any:
 
 
 LONG = set(
-    "parameters nothing_attracts heavy_outer_mass periods large_drive next_to_one next_to_minus_one volumes chaos "
+    "nothing_attracts heavy_outer_mass periods large_drive next_to_one next_to_minus_one volumes chaos "
     "permanent_sticking long_transients free_swings boundary tiny_damping at_the_limit whip light_outer_mass "
     "double_pendulum_in_line beyond_bounds saddle".split()
 )
@@ -34,7 +34,8 @@ LONG = set(
 
 
 def marked(case: HardCase) -> Any:
-    return pytest.param(case, id=case.name, marks=[pytest.mark.thorough] if case.name in LONG else [])
+    mark = pytest.mark.slow if case.name == "parameters" else pytest.mark.thorough if case.name in LONG else ()
+    return pytest.param(case, id=case.name, marks=mark)
 
 
 @pytest.mark.parametrize("case", [marked(case) for case in CASES])
