@@ -42,7 +42,7 @@ QUINTIC = stroboscopic_map(ForcedSystem(lambda t, x, p: (x[1], -0.3 * x[1] - x[0
 def test_no_continuum_and_the_order_is_told(degenerate, half, order):
     """As the normal form says: x_n is like n^(-1/(k - 1)), also at a flip."""
     with pytest.warns(UnsettledWarning) as caught:
-        found = find_basins(degenerate, CellGrid((-half, -half), (half, half), (6, 6)), max_periods=500)
+        found = find_basins(degenerate, CellGrid((-half, -half), (half, half), (4, 4)), max_periods=300)
     assert found.attractors == ()
     assert order is None or re.search(rf"like n\^-{order}[; ]", f"{caught[0].message} ")
 

@@ -68,7 +68,7 @@ def test_a_set_of_two_dimensions() -> None:
     assert len(np.unique(held.cover.boxes[:, :2], axis=0)) > 400
 
 
-@pytest.mark.parametrize("number", [11, *(pytest.param(n, marks=pytest.mark.thorough) for n in (20, 41, 100))])
+@pytest.mark.parametrize("number", [11, pytest.param(100, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("shear", [0.2, 10.0])
 def test_a_line_on_which_orbits_end_far_apart_is_one_set(number: int, shear: float) -> None:
     """(x + shear y, y/2): the line y = 0 attracts as a whole; an orbit ends at x + 2 shear y."""
@@ -212,11 +212,10 @@ def test_an_orbit_beside_the_continuum_is_not_in_it():
     assert (basins.labels != Label.UNDECIDED).all()
 
 
-@pytest.mark.parametrize("number", [11, 30])
-def test_a_line_that_is_longer_than_the_region(number: int) -> None:
+def test_a_line_that_is_longer_than_the_region() -> None:
     """y = x attracts at the rate 1/2, and orbits move by up to 40 along it."""
     oblique = discrete_map(lambda x, p: (x[0] + 10 * (x[1] - x[0]), x[1] + 9.5 * (x[1] - x[0])), {}, ("x", "y"))
-    basins = find_basins(oblique, CellGrid((-1, -1), (1, 1), (number, number)))
+    basins = find_basins(oblique, CellGrid((-1, -1), (1, 1), (11, 11)))
     assert [a.kind for a in basins.attractors] == [Kind.CONTINUUM]
     assert (basins.labels == 0).all()
 

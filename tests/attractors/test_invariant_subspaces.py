@@ -79,9 +79,9 @@ def test_what_comes_to_a_subspace_too_slowly_says_so() -> None:
     """A normal exponent of -0.006 takes thousands of periods to bring orbits so near that none comes out."""
     point_map = discrete_map(riddled, {"a": 1.27, "b": 0.5612}, ("x", "y"))
     with pytest.warns(UserWarning, match="invariant subspace"):
-        basins = find_basins(point_map, CellGrid((0.05, -0.2), (0.95, 0.2), (12, 12)), max_periods=600)
+        basins = find_basins(point_map, CellGrid((0.05, -0.2), (0.95, 0.2), (8, 8)), max_periods=600)
     assert basins.undecided[Reason.RIDDLED] > 0
-    longer = find_basins(point_map, CellGrid((0.05, -0.2), (0.95, 0.2), (12, 12)), max_periods=40_000)
+    longer = find_basins(point_map, CellGrid((0.05, -0.2), (0.95, 0.2), (8, 8)), max_periods=20_000)
     assert (longer.labels == Label.UNDECIDED).mean() < (basins.labels == Label.UNDECIDED).mean()
 
 
@@ -109,7 +109,7 @@ def test_chaos_on_the_two_sides_of_a_plane_is_two_attractors(f: Any, values: tup
     """y = 0 is invariant and y keeps its sign, by the formula: half of the initial conditions on each side."""
     for c in values:
         point_map = discrete_map(f, {"c": c}, ("x", "y"))
-        basins = find_basins(point_map, CellGrid((0.1, -1.0), (0.97, 1.0), (20, 20)))
+        basins = find_basins(point_map, CellGrid((0.1, -1.0), (0.97, 1.0), (8, 8)))
         assert [f.fraction for f in basins.fractions.values()] == [0.5, 0.5]
         signs = np.sign(basins.grid.centres()[..., 1])
         assert len(np.unique(basins.labels[signs > 0])) == len(np.unique(basins.labels[signs < 0])) == 1
@@ -120,7 +120,7 @@ def test_chaos_on_the_two_sides_of_a_plane_is_two_attractors(f: Any, values: tup
 def test_a_plane_that_orbits_cross_divides_nothing() -> None:
     """y -> -c x y: the sign changes in each step."""
     f = lambda x, p: (3.9 * x[0] * (1 - x[0]), -2.2 * x[0] * x[1] / (1 + x[1] ** 2))  # noqa: E731
-    basins = find_basins(discrete_map(f, {}, ("x", "y")), CellGrid((0.1, -1.0), (0.97, 1.0), (20, 20)))
+    basins = find_basins(discrete_map(f, {}, ("x", "y")), CellGrid((0.1, -1.0), (0.97, 1.0), (8, 8)))
     assert_array_equal(basins.labels, 0)
 
 
@@ -128,7 +128,7 @@ def test_a_plane_that_orbits_cross_divides_nothing() -> None:
 def test_chaos_beside_a_coordinate_that_keeps_its_value(neutral: int) -> None:
     """One label for all of the chaotic sets, of which each value of the coordinates has one."""
     f = lambda x, p: (3.9 * x[0] * (1 - x[0]), *x[1:])  # noqa: E731
-    shape = (5, 30) if neutral == 1 else (3, 6, 6)
+    shape = (4, 16) if neutral == 1 else (2, 5, 5)
     region = (0.1, *[-1.0] * neutral), (0.97, *[1.0] * neutral)
     basins = find_basins(discrete_map(f, {}, tuple("xcd"[: 1 + neutral])), CellGrid(*region, shape))
     assert [a.name for a in basins.attractors] == ["continuum of chaotic sets"]
@@ -139,7 +139,7 @@ def test_chaos_beside_a_coordinate_that_keeps_its_value(neutral: int) -> None:
 def test_synchronized_chaos_that_attracts_everywhere_is_one_attractor() -> None:
     """Normal multiplier |1 - 2 e| times that of the driver: log 0.4 + 0.43 < 0 on the line x = y."""
     basins = find_basins(
-        discrete_map(synchronized, {"e": 0.3}, ("x", "y")), CellGrid((0.01, 0.01), (0.99, 0.99), (20, 20))
+        discrete_map(synchronized, {"e": 0.3}, ("x", "y")), CellGrid((0.01, 0.01), (0.99, 0.99), (8, 8))
     )
     (attractor,) = basins.attractors
     assert_array_equal(basins.labels, 0)

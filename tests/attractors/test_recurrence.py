@@ -146,7 +146,7 @@ def test_chaos_in_many_dimensions_has_few_boxes_and_the_exponent_of_its_map():
         return 1.0 - 1.4 * y * y + z, 0.3 * y, side, *(0.5 * v + 0.1 * w for v, w in zip(x[3:], x[:9], strict=True))
 
     pair = discrete_map(step, {}, tuple(f"x{i}" for i in range(12)))
-    start = np.random.default_rng(4).uniform(-0.1, 0.1, (60, 12))
+    start = np.random.default_rng(4).uniform(-0.1, 0.1, (24, 12))
     basins = find_basins(pair, start, max_periods=300)
     assert [str(a.kind) for a in basins.attractors] == ["chaotic"] * 2
     for a in basins.attractors:

@@ -25,8 +25,6 @@ CUBIC = discrete_map(lambda x, p: (p.a * x[0] - x[0] ** 3 - 0.1 * x[1], x[0]), {
 ODD = discrete_map(lambda x, p: (2.598 * x[0] - x[0] ** 3,), {}, ("x",))
 SIX = discrete_map(lambda x, p: (1 - 1.07 * x[0] ** 2 + x[1], 0.3 * x[0]), {}, ("x", "y"))
 CASES = {
-    "Henon": (HENON, CellGrid((-2.0, -2.0), (2.0, 2.0), (96, 96))),
-    "a pair that nearly touches": (CUBIC, CellGrid((-1.3, -1.2), (1.3, 1.2), (96, 96))),
     "a pair on a line": (ODD, CellGrid((-1.8,), (1.8,), (8192,))),
     "beside a cycle": (SIX, CellGrid((-0.9, -0.3), (0.9, 0.3), (96, 96))),
 }
@@ -78,7 +76,7 @@ ORBIT = FOLD.orbit([0.3, 0.0], 400).points[100:]
 @pytest.fixture(scope="module")
 def ueda():
     point_map = stroboscopic_map(ueda_oscillator())
-    return point_map, find_basins(point_map, CellGrid((-4.0, -6.0), (4.0, 6.0), (40, 40)))
+    return point_map, find_basins(point_map, CellGrid((-4.0, -6.0), (4.0, 6.0), (24, 24)))
 
 
 def test_boxes_around_a_folded_line_are_trapped_while_it_maps_into_itself():
@@ -121,10 +119,10 @@ def test_labels_are_those_after_64_periods_and_times_not_later(ueda):
     point_map, basins = ueda
     assert [is_trapped(a) for a in basins.attractors] == [True]
     waiting = [replace(a, cover=replace(a.cover, trapped=None)) for a in basins.attractors]
-    points = basins.grid.centres().reshape(-1, 2)[::7]
+    points = basins.grid.centres().reshape(-1, 2)[::3]
     full = classify(point_map, Catalogue.of(waiting, point_map), points, 2000)
-    times = basins.settling_time.ravel()[::7]
-    assert np.array_equal(full.labels, basins.labels.ravel()[::7])
+    times = basins.settling_time.ravel()[::3]
+    assert np.array_equal(full.labels, basins.labels.ravel()[::3])
     assert (times <= full.times).all() and (times == full.times).mean() > 0.8
 
 

@@ -49,7 +49,7 @@ SWEEP = np.linspace(-1.0, 1.0, 21)
 def pendulum():
     """Downwards from 3 mm, past the births of the inverted state and of the rotations."""
     values = np.array([3e-3, 2.4e-3, 2.2e-3, 1.8e-3, BIRTH * (1 + 1e-5), BIRTH * (1 - 1e-5)])
-    return continue_basins(PENDULUM, "amplitude", values, CellGrid(*WINDOW, (60, 60)))
+    return continue_basins(PENDULUM, "amplitude", values, CellGrid(*WINDOW, (50, 50)))
 
 
 def test_fractions_are_those_of_the_reference(pendulum):
@@ -58,8 +58,8 @@ def test_fractions_are_those_of_the_reference(pendulum):
     assert 0 < pendulum.cost.seconds < 600
     assert pendulum.labels == (0, 1, 2, 3)
     assert (np.abs(pendulum.fractions[0] - expected) < 4 * pendulum.standard_errors[0]).all()
-    assert pendulum.standard_errors[0] == pytest.approx(np.sqrt(expected * (1 - expected) / 3600), rel=0.05)
-    assert (pendulum.counts.sum(axis=1) == 3600).all()
+    assert pendulum.standard_errors[0] == pytest.approx(np.sqrt(expected * (1 - expected) / 2500), rel=0.05)
+    assert (pendulum.counts.sum(axis=1) == 2500).all()
 
 
 def test_attractors_are_there_between_birth_and_death(pendulum):

@@ -165,7 +165,7 @@ def test_a_call_ends_in_time_with_what_is_decided(clock: Iterator[int]) -> None:
 
 @pytest.mark.usefixtures("clock")
 def test_a_checkpoint_goes_on_where_the_time_was_over(tmp_path) -> None:
-    grid, path, calls = CellGrid((-2.2, -2.2), (2.2, 2.2), (200, 200)), tmp_path / "basins.h5", 0
+    grid, path, calls = CellGrid((-2.2, -2.2), (2.2, 2.2), (100, 100)), tmp_path / "basins.h5", 0
     whole = find_basins(duffing(), grid)
     open_ = True
     while open_:

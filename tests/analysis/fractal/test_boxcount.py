@@ -26,7 +26,7 @@ from studies.known_fractals import (
 
 # Exact dimensions: Falconer, Fractal Geometry (2003).
 
-FURTHER = [pytest.param(angle, marks=pytest.mark.thorough) for angle in (0.0, 0.2, 0.3, 1.1)]
+FURTHER = [pytest.param(angle, marks=pytest.mark.thorough) for angle in (0.0, 1.1)]
 
 
 @pytest.mark.parametrize("angle", [*FURTHER, 0.5])
@@ -36,7 +36,7 @@ FURTHER = [pytest.param(angle, marks=pytest.mark.thorough) for angle in (0.0, 0.
         pytest.param(line, 100_001, 1.0, id="line"),
         pytest.param(cantor, 14, CANTOR, id="Cantor"),
         pytest.param(koch, 10, KOCH, id="Koch", marks=pytest.mark.thorough),
-        pytest.param(cantor_square, 10, 2.0 * CANTOR, id="Cantor squared"),
+        pytest.param(cantor_square, 10, 2.0 * CANTOR, id="Cantor squared", marks=pytest.mark.thorough),
     ],
 )
 def test_known_sets(made, size, exact, angle):
@@ -111,9 +111,9 @@ def test_all_dyadic_sizes_from_one_sort_equal_counts_size_by_size():
 
 def test_general_sizes_agree_with_dyadic_ones():
     points = koch(7)
-    general = box_dimension(points, np.geomspace(0.1, 0.004, 17))
+    general = box_dimension(points, np.geomspace(0.1, 0.004, 9))
     assert general.dimension == pytest.approx(box_dimension(points).dimension, abs=0.02)
-    assert len(general.sizes) == 17
+    assert len(general.sizes) == 9
 
 
 def test_circles():

@@ -102,7 +102,7 @@ def test_stated_errors_of_many_samples(name: str, samples: int) -> None:
 
 def test_boxes_of_other_shapes_disagree_on_a_self_affine_set() -> None:
     """Of the carpet, whose dimension is known, and of a Cantor set of the same kind, which is self-similar."""
-    carpet, similar = found("McMullen 5 x 3", 1)[0], found("Vicsek", 1)[0]
+    carpet, similar = found("McMullen 5 x 3", 1, 20_000)[0], found("Vicsek", 1, 20_000)[0]
     assert carpet.scales_agree is False and repr(carpet).endswith(", scales do not agree)")
     assert similar.scales_agree is True and "agree" not in repr(similar)
     assert "scales do not agree" in plot.fit(carpet).get_legend().get_texts()[0].get_text()
@@ -119,7 +119,7 @@ def test_shapes_of_boxes_are_compared_where_there_are_any() -> None:
 def test_memory_does_not_grow_with_the_offsets() -> None:
     points = np.random.default_rng(0).random((50, 1))
     peaks = []
-    for offsets in (50, 500):
+    for offsets in (20, 200):
         tracemalloc.start()
         box_dimension(points, [0.1, 0.05, 0.025, 0.0125], n_offsets=offsets, fit_range=(0.02, 0.2))
         peaks.append(tracemalloc.get_traced_memory()[1])
