@@ -19,6 +19,7 @@ from cellmap.explorer import Explorer
 from cellmap.explorer.__main__ import main
 from cellmap.explorer.accuracy import quality
 from cellmap.explorer.equations import typed_system
+from cellmap.explorer.films import FilmStopped
 from cellmap.explorer.formulas import EquationError
 from cellmap.explorer.images import Images
 from cellmap.explorer.protocol import unpacked
@@ -142,6 +143,7 @@ def test_failures_are_told_in_words() -> None:
     assert told["message"].startswith("numbers became too large or too small on the way (matrix is not positive")
     assert "reset the parameters" in failure(OverflowError("Result too large"), 3)["message"]
     assert "take fewer cells" in failure(MemoryError("3 GB"), 3)["message"]
+    assert failure(FilmStopped(2, 9), 3).items() >= {"cancelled": True, "done": 2, "of": 9, "request": 3}.items()
 
 
 def test_lost_orbits_and_fine_pixels_are_looked_at() -> None:
@@ -238,7 +240,10 @@ def test_a_watcher_gets_the_image_and_moves_nothing(shared: Explorer) -> None:
 def test_watchers_are_limited_and_reach_nothing_else(shared: Explorer) -> None:
     with watching(shared) as one, watching(shared) as other:
         assert [json.loads(s.recv(5))["type"] for s in (one, other)] == ["welcome"] * 2
-        with watching(shared) as third, pytest.raises(ConnectionClosed, match="2 watch already, which is the limit"):
+        with (
+            watching(shared) as third,
+            pytest.raises(ConnectionClosed, match=r"1013 .*2 watch already, which is the limit"),
+        ):
             third.recv(5)
     with pytest.raises(InvalidStatus), watching(shared, origin="http://example.org"):
         pass

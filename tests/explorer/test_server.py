@@ -91,7 +91,7 @@ def test_the_script_computes_the_image_again_to_the_bit(page: Page, capsys: pyte
     names: dict[str, Any] = {"__name__": "script"}
     exec(page.ask("script")["text"], names)
     assert "bit by bit" in capsys.readouterr().out
-    assert names["basins"].labels.shape == (50, 40)
+    assert names["basins"].labels.shape == (50, 40) and names["point_map"].table is not None
     assert sum(a["fraction"] for a in frame["attractors"]) == pytest.approx(1.0)
 
 
@@ -291,6 +291,6 @@ def test_measures_and_certificates_are_the_librarys(page: Page) -> None:
     page.ask("system", name="duffing")
     page.image(cells=[40, 30])
     told = page.ask("certify")
-    assert told["open"] == np.frombuffer(told["data"], np.uint8).sum()
+    assert told["open"] == np.frombuffer(told["data"], np.uint8).sum() < 120  # on the boundary alone
     assert (told["height"], told["width"]) == (30, 40)
     assert 0 <= told["changed"] <= told["redone"] <= 1200

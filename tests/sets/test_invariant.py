@@ -9,7 +9,6 @@ import pytest
 from maps_of_cells import AWAY, HENON, SADDLE
 
 from cellmap import CellGrid, discrete_map, find_attractors, find_basins, periodic_orbit
-from cellmap.maps import flow_map
 from cellmap.sets import (
     BoxSet,
     box_ftle,
@@ -21,7 +20,6 @@ from cellmap.sets import (
     stable_set,
     unstable_set,
 )
-from systems import magnetic_pendulum
 
 WINDOW = CellGrid((-1.03, -1.01), (1.0, 1.02), (1, 1))
 OCCUPIED = {4: 17, 5: 36, 6: 89, 7: 212, 8: 504, 9: 1184, 10: 2775}
@@ -150,14 +148,3 @@ def test_attractor_with_a_tiny_basin_is_found():
     basins = find_basins(point_map, CellGrid((0.3,), (0.42,), (600,)), attractors=found.attractors)
     label = [round(float(a.points[0, 0]), 6) for a in basins.attractors].index(CENTRE)
     assert abs(basins.fractions[label].fraction - 2 * SIZE / 0.12) < 0.01
-
-
-@pytest.mark.thorough
-def test_magnetic_pendulum_in_four_dimensions():
-    """Only boxes near recurrent sets are stored: less than a thousandth of 64^4."""
-    point_map = flow_map(magnetic_pendulum(), 2.0, rtol=1e-6, atol=1e-6)
-    window = CellGrid((-1.6, -1.6, -1.5, -1.5), (1.61, 1.61, 1.52, 1.52), (4,) * 4)
-    found = find_attractors_by_subdivision(point_map, window, 2, samples=2, max_initial_conditions=200)
-    assert len(found.attractors) == 3
-    radii = [float(np.hypot(*a.points[0, :2])) for a in found.attractors]
-    assert np.ptp(radii) < 1e-6 and found.graph.sets[0].grid.size == 16**4

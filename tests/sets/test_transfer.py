@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from math import cos, log, pi, sin
+from math import log, pi
 
 import numpy as np
 import pytest
 from maps_of_cells import AWAY, CUBIC, line
 
-from cellmap import CellGrid, discrete_map
-from cellmap.sets import relative_attractor, transfer_operator
+from cellmap import discrete_map
+from cellmap.sets import transfer_operator
 
 
 def test_density_of_the_logistic_map():
@@ -23,32 +23,6 @@ def test_density_of_the_logistic_map():
     assert errors[0] < 0.08 and errors[1] < 0.045 and errors[2] < 0.03
     assert operator.escape_rate == 0.0
     assert (operator.density * operator.boxes.grid.widths[0]).sum() == pytest.approx(1.0, abs=1e-12)
-
-
-def cyclic(x, p):
-    """z -> exp(-2 pi i / 3) ((abs(z)^2 - 1.7) z + conj(z)^2 / 2), Dellnitz and Junge (1999)."""
-    u, v = x
-    grown = u * u + v * v - 1.7
-    a, b = grown * u + 0.5 * (u * u - v * v), grown * v - u * v
-    c, s = cos(2 * pi / 3), -sin(2 * pi / 3)
-    return c * a - s * b, s * a + c * b
-
-
-@pytest.mark.thorough
-def test_six_eigenvalues_on_the_unit_circle():
-    """To four digits, and the six sets are mapped round."""
-    point_map = discrete_map(cyclic, {}, ("x", "y"))
-    boxes = relative_attractor(point_map, CellGrid((-1.5, -1.5), (1.5, 1.5), (4, 4)), 5)
-    operator = transfer_operator(boxes, point_map, samples=6)
-    values = operator.eigenvalues(6)
-    roots = np.exp(2j * pi * np.arange(6) / 6)
-    assert np.abs(values[:, None] - roots).min(axis=0).max() < 1e-4
-    cycle = operator.cycle(6)
-    assert np.abs(cycle.eigenvalues - roots).max() < 1e-4
-    where = [np.flatnonzero(np.isin(boxes.keys, s.keys)) for s in cycle.sets]
-    for k in range(6):
-        rows = operator.matrix[where[k]]
-        assert rows[:, where[(k + 1) % 6]].sum() > 0.999 * rows.sum()
 
 
 def test_cycle_of_a_permutation():

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
-
 import pytest
 
 from cellmap import CellGrid, find_basins, stroboscopic_map
-from studies import boundary_dimension
 from studies._boundary import box_counts
 from systems import two_well_duffing
 
@@ -31,20 +27,3 @@ def test_a_fractal_boundary_is_counted_on_lines() -> None:
     assert boxes.by_lines
     assert boxes.image is None
     assert boxes.dimension == pytest.approx(1.90, abs=0.03 + 2.0 * boxes.standard_error)
-
-
-@pytest.mark.slow
-def test_what_must_come_out_is_printed(quick_run: Callable[..., str]) -> None:
-    said = quick_run(boundary_dimension, "boundary_dimension.png")
-    assert "A =  0.00 mm, 1 attractors: no boundary" in said
-    rows = re.findall(r"A = +([\d.]+) mm, .*?: ([\d.]+) \+- ([\d.]+) by.*?\((.*?)\); ([\d.]+) \+- ([\d.]+) by", said)
-    found = {float(a): (float(d), float(e), verdict, float(box), float(f)) for a, d, e, verdict, box, f in rows}
-    smooth, error, verdict, box, _ = found[4.0]
-    assert verdict == "consistent with smooth"
-    assert abs(smooth - 1.0) < 3.0 * error
-    assert box == pytest.approx(1.0, abs=0.03)
-    fractal, error, verdict, box, box_error = found[10.0]
-    assert verdict == "fractal"
-    assert 1.75 - 3.0 * error < fractal < 1.83 + 3.0 * error
-    assert 1.75 - 2.0 * box_error < box < 1.83 + 2.0 * box_error
-    assert re.findall(r"stability at ([\d., ]+) mm", said) == ["12.210173", "2.329021, 12.542910"]

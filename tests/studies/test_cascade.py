@@ -47,31 +47,3 @@ def test_what_fractions_count() -> None:
     np.testing.assert_allclose(parts["rotations"], [0.6, 0.6])
     assert not parts["tumbling"].any()
     assert not parts["undecided"].any()
-
-
-@pytest.mark.slow
-def test_gaps_shrink_by_feigenbaums_ratio(rod: dict[str, Cascade]) -> None:
-    found = {**cascade.rod_cascades(8), **{f"weak {k}": v for k, v in cascade.weak_cascades(8).items()}}
-    for each in found.values():
-        assert each.ratios[-1] == pytest.approx(cascade.FEIGENBAUM, rel=2e-3)
-    # The principal resonance (tests/REFERENCES.md).
-    assert found["weak hanging"].values[0] == pytest.approx(0.050027335537, abs=1e-12)
-    # Rotations are no mirror images of themselves and need no pitchfork.
-    assert {b.kind for b in found["weak rotation"].bifurcations} == {DOUBLING}
-
-
-@pytest.mark.slow
-def test_it_runs_quickly(capsys: pytest.CaptureFixture[str]) -> None:
-    result = cascade.compute(60, 100, 5)
-    cascade.report(result)
-    assert "is chaotic from" in capsys.readouterr().out
-    # Beyond the swings all orbits rotate; with weak damping they tumble in the end.
-    for route, last in ((result.rod, "rotations"), (result.weak, "tumbling")):
-        parts = cascade.basin_fractions(route.basins)
-        np.testing.assert_allclose(sum(parts.values()), 1.0, rtol=1e-12)
-        assert parts[last][-1] == 1.0
-    assert not cascade.basin_fractions(result.rod.basins)["tumbling"].any()
-    first, gone, most = cascade.chaotic_end(result.end)
-    assert result.rod.cascades["hanging"].accumulation < first < gone < result.end.values[-1]
-    assert most > 0.0
-    assert cascade.draw(result).axes

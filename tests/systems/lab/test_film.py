@@ -225,18 +225,3 @@ def test_a_short_video(tmp_path: Path) -> None:
     (tmp_path / "torn.mp4").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(StoreError, match="truncated or of another kind"):
         lab.read_film(tmp_path / "torn.mp4")
-
-
-@pytest.mark.thorough
-def test_a_video_keeps_what_tracking_needs(tmp_path: Path) -> None:
-    """A coded video alters grey values at the rims of moving things; an odd last row and column are lost."""
-    rows, columns = np.mgrid[:49, :65]
-    discs = [200.0 * np.clip(5.5 - np.hypot(columns - 20 - k, rows - 24), 0.0, 1.0) for k in range(30)]
-    film = lab.film_at_rate(np.rint(discs).astype(np.uint8), 50.0)
-    lab.write_film(film, tmp_path / "film.mp4")
-    again = lab.read_film(tmp_path / "film.mp4")
-    assert again.shape == (48, 64)
-    np.testing.assert_allclose(again.times, film.times, atol=1e-9)
-    assert np.abs(again.frames - film.frames[:, :48, :64].astype(float)).mean() < 0.5
-    places = lab.track_markers(again, [(20, 24)]).positions[:, 0]
-    np.testing.assert_allclose(places, np.stack([20.0 + np.arange(30), np.full(30, 24.0)], axis=-1), atol=0.15)

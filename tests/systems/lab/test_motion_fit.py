@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from cellmap import ForcedSystem, trajectory
-from systems import Chain, Gravity, VerticalDrive, ViscousDamping, double_pendulum, lab, scene
+from systems import Chain, Gravity, VerticalDrive, ViscousDamping, lab, scene
 from systems.lab.free_swings.simulation import Simulation, clear_of_noise
 
 TRUE = {"length": 0.069, "damping": 0.4}
@@ -119,22 +119,6 @@ def test_the_frequency_of_a_drive(begin: float) -> None:
     assert found.rmse < 1e-6
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("begin", [0.0, -1.0])
-def test_a_film_that_goes_on_after_the_rod_has_stopped(begin: float) -> None:
-    """Half of it at rest.  The sum of squares has a minimum for each stop; the truth fits no better than the fit."""
-    coefficients = {"damping": 0.3, "friction": 0.366}
-    motion = trajectory(lab.free_pendulum(0.069, coefficients), [0.2, 0.0], periods=14, samples_per_period=60)
-    exact = motion.states[:, 0]
-    assert (exact[-100:] == exact[-1]).all()
-    for seed in range(4):
-        angles = noisy(exact, seed, 0.013)
-        found = lab.fit_damping(begin + motion.times, angles, ["viscous and dry"]).best
-        assert found.rmse <= np.sqrt(np.mean((angles - exact) ** 2))
-        for name, value in {**coefficients, "length": 0.069}.items():
-            assert found.estimates[name] == pytest.approx(value, abs=4.0 * found.standard_errors[name])
-
-
 def test_noise_between_dense_samples_is_no_swing() -> None:
     """A thousand samples a swing: the first ones show none, so that no fit begins with them alone."""
     times = np.linspace(0.0, 4.0, 4001)
@@ -144,49 +128,6 @@ def test_noise_between_dense_samples_is_no_swing() -> None:
     assert job.swings == pytest.approx(4.0, abs=0.51)
     assert max(job.until(0.5**k).swings for k in (7, 6, 5, 4)) < 1.0
     assert job.until(0.5).swings == pytest.approx(2.0, abs=0.51)
-
-
-@pytest.mark.thorough
-def test_viscous_damping_of_a_wide_swing(film: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
-    times, angles = film
-    found = lab.fit_damping(times, noisy(angles, 0), ["viscous"])
-    assert found.kind == "viscous"
-    assert found.weights == {"viscous": 1.0}
-    for name, value in TRUE.items():
-        assert found.best.estimates[name] == pytest.approx(value, abs=4.0 * found.best.standard_errors[name])
-    fixed = lab.fit_damping(times, noisy(angles, 0), ["viscous"], length=0.069, zero=False)
-    assert "length" not in fixed.best.estimates
-    assert fixed.best.system.params["length"] == 0.069
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "coefficients"), [("dry", {"friction": 2.5}), ("viscous and dry", {"damping": 0.17, "friction": 1.4})]
-)
-def test_dry_friction_and_mixtures(kind: str, coefficients: dict[str, float]) -> None:
-    true = lab.free_pendulum(0.069, coefficients)
-    motion = trajectory(true, [1.28, 0.0], periods=12, samples_per_period=105)
-    found = lab.fit_damping(motion.times, noisy(motion.states[:, 0], 5, 0.0067))
-    assert found.kind == kind
-    for name, value in {**coefficients, "length": 0.069}.items():
-        assert found.best.estimates[name] == pytest.approx(value, abs=4.0 * found.best.standard_errors[name])
-    # Viscous damping alone misses the motion by many times the noise, and its residuals follow each other.
-    assert found.fits["viscous"].rmse > 2.0 * found.best.rmse
-    assert found.fits["viscous"].correlation > 0.5
-
-
-@pytest.mark.thorough
-def test_a_short_film_of_two_links() -> None:
-    """Noise of 3 mrad is left over, and the length of the outer link is found within its error."""
-    true = double_pendulum(amplitude=0.0, frequency=2.0, damping=0.5)
-    motion = trajectory(true, [0.5, -0.3, 0.0, 0.0], periods=1, samples_per_period=80)
-    angles = motion.states[:, :2] + np.random.default_rng(0).normal(0.0, 0.003, (len(motion.times), 2))
-    guess = true.with_params(length_2=1.02 * true.params["length_2"])
-    found = lab.fit_motion(guess, motion.times, angles, ["length_2"])
-    assert found.estimates["length_2"] == pytest.approx(
-        true.params["length_2"], abs=4.0 * found.standard_errors["length_2"]
-    )
-    assert found.rmse == pytest.approx(0.003, rel=0.2)
 
 
 def test_dry_friction_of_a_short_swing() -> None:

@@ -151,26 +151,6 @@ def test_intervals_that_are_no_half_swings_are_refused() -> None:
         natural_frequency(envelope)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("uneven", [False, True])
-def test_times_of_extremes_in_much_noise(uneven: bool) -> None:
-    """A tenth of the amplitude is noise, and the series ends on an extreme: frequencies scatter by their errors."""
-    z = []
-    for seed in range(40):
-        rng = np.random.default_rng(seed)
-        times = np.linspace(0.0, 20.0 * pi / FREQUENCY, 2000)
-        if uneven:
-            times = np.sort(rng.uniform(0.0, times[-1], times.size))
-        wave = 0.1 * np.exp(-0.05 * times) * np.cos(FREQUENCY * times)
-        found = natural_frequency(swing_envelope(times, wave + rng.normal(0.0, 0.01, times.size)))
-        # Of small swings at 0.1 rad and less the period is longer by a two-thousandth, which natural_frequency takes
-        # out; the cosine has none of that.
-        z.append((found.value / FREQUENCY - 1.0 - np.mean(slowing(0.1 * np.exp(-0.05 * times)) - 1.0)) * FREQUENCY)
-        z[-1] /= found.standard_error
-    assert np.sqrt(np.mean(np.square(z))) < 1.4
-    assert np.mean(np.abs(z) < 1.96) >= 0.87
-
-
 def test_a_rod_that_has_stopped_beside_its_rest_makes_no_extremes() -> None:
     """Dry friction, and noise for as long again: what is out of step after the last swing is left out."""
     times = np.arange(0.0, 12.0, 0.013)
