@@ -170,10 +170,7 @@ def test_numbers_of_attractors_are_those_of_points_on_them(page: Page) -> None:
     request = page.send("view", view={}, anchors=anchors)
     *_, last = page.frames(lambda facts: facts["complete"])
     assert last["request"] == request
-    assert {a["identity"]: a["points"][0][0] for a in last["attractors"]} == {
-        7: pytest.approx(-1),
-        3: pytest.approx(1),
-    }
+    assert {a["identity"]: a["points"][0][0] for a in last["attractors"]} == {7: pytest.approx(-1), 3: pytest.approx(1)}
     assert set(last["born"]) == {3, 7}
     labels = find_basins(WELLS, WINDOW).labels
     _, numbers = page.image(params={"keep": 0.6})

@@ -5,15 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cellmap import (
-    CellGrid,
-    ForcedSystem,
-    Label,
-    discrete_map,
-    find_attractors,
-    find_basins,
-    stroboscopic_map,
-)
+from cellmap import CellGrid, ForcedSystem, Label, discrete_map, find_attractors, find_basins, stroboscopic_map
 
 
 def test_blow_up_in_finite_time():

@@ -23,16 +23,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
-from public_calls import (
-    MADE_BY,
-    TARGETS,
-    arguments_named,
-    called,
-    good_arguments,
-    parameters,
-    public_things,
-    words_of,
-)
+from public_calls import MADE_BY, TARGETS, arguments_named, called, good_arguments, parameters, public_things, words_of
 from small_systems import WINDOW, wells
 
 from cellmap import CellGrid, Coordinate, PointMap

@@ -173,8 +173,7 @@ def test_it_fits_on_a_phone_and_in_the_dark(browser: Browser, explorer: Explorer
 
 
 @pytest.mark.parametrize(
-    "state",
-    ["axes=0,0", "axes=5,6&lower=NaN,1&cells=x,3&phase=NaN&tolerance=x&nodes=&p.keep=NaN&p.none=3&others=1"],
+    "state", ["axes=0,0", "axes=5,6&lower=NaN,1&cells=x,3&phase=NaN&tolerance=x&nodes=&p.keep=NaN&p.none=3&others=1"]
 )
 def test_what_an_address_says_amiss_is_left_out(browser: Browser, explorer: Explorer, state: str) -> None:
     with opened(browser, f"{explorer.address}#schema=1&system=wells&{state}") as page:
