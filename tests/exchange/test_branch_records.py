@@ -265,7 +265,7 @@ def test_the_same_as_labelled_arrays(branch: Branch, curve: BifurcationCurve, tm
     assert list(branch.to_xarray().data_vars) == list(branch.to_dataframe().columns)
     labelled = curve.to_xarray()
     np.testing.assert_array_equal(np.column_stack([labelled["a"], labelled["b"]]), curve.values)
-    assert labelled.attrs["ends"] == ", ".join(curve.ends)
+    assert (labelled.attrs["ends"], labelled.attrs["bifurcation_count"]) == (", ".join(curve.ends), 0)
     table = to_dataframe(curve)
     np.testing.assert_allclose(table["largest_multiplier"], 1.0, rtol=1e-9)
     np.testing.assert_allclose(np.abs(table["argument"]), pi)  # of the multiplier -1

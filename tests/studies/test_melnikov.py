@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from math import cosh, pi, sqrt
+from math import cosh, pi
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from cellmap import CellGrid, find_basins, stroboscopic_map
 from studies import melnikov
@@ -19,15 +18,6 @@ from systems import moon_li_duffing
 def test_the_closed_form_is_that_of_the_integrals(damping: float, frequency: float) -> None:
     exact = melnikov.critical_forcing(damping, frequency)
     assert melnikov.critical_forcing_by_quadrature(damping, frequency) == pytest.approx(exact, rel=1e-9)
-
-
-def test_the_loop_is_an_orbit_of_the_oscillator_without_damping_and_force() -> None:
-    """x = sqrt(2) sech(t/sqrt 2): from its tip (sqrt 2, 0) back to near the hilltop, by SciPy's integrator."""
-    loop = solve_ivp(
-        lambda t, x: (x[1], 0.5 * x[0] * (1.0 - x[0] ** 2)), (0.0, 6.0), (sqrt(2.0), 0.0), rtol=1e-11, atol=1e-13
-    )
-    t = loop.t[-1] / sqrt(2.0)
-    assert loop.y[:, -1] == pytest.approx([sqrt(2.0) / np.cosh(t), -np.tanh(t) / np.cosh(t)], abs=1e-6)
 
 
 @pytest.mark.thorough
