@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import gcd
@@ -256,11 +257,14 @@ def drift(point_map: PointMap, state: Floats, extent: Floats) -> Resonance | Non
     return replace(found, numbers=tuple(np.where(turn > 0, (full + moved) / whole, 0.0).tolist()))
 
 
+@functools.lru_cache(maxsize=16)
 def bump(number: int) -> Floats:
-    """Return weights of a number of points, smooth and flat at both ends, whose sum is 1."""
+    """Return weights of a number of points, smooth and flat at both ends, whose sum is 1, not to be changed."""
     t = np.arange(1.0, number + 1.0) / (number + 1.0)
     weights = np.exp(-1.0 / (t * (1.0 - t)))
-    return np.asarray(weights / weights.sum())
+    weights /= weights.sum()
+    weights.flags.writeable = False
+    return weights
 
 
 def closed_after(history: Floats, point_map: PointMap, extent: Floats) -> int:
@@ -343,17 +347,24 @@ def _refined(signals: Complexes, first: float) -> tuple[float, float]:
         if scaled.max() > 1.5 * best[0]:
             best = float(scaled.max()), k, int(scaled.argmax())
     _, k, j = best
+    return frequency_beside(centred[:, j], first, k)
+
+
+def frequency_beside(signal: Complexes, first: float, multiple: int = 1) -> tuple[float, float]:
+    """Return the frequency of a line of a signal, and its error, the difference from that of half of the signal.
+
+    The line is at a multiple of the frequency, which is corrected by the drift of its phase from one half to the other.
+    """
 
     def drifted(signal: Complexes, frequency: float) -> float:
         half = len(signal) // 2
-        carrier = np.exp(-2j * np.pi * ((k * frequency * np.arange(2 * half)) % 1.0)) * signal[: 2 * half]
-        early, late = (bump(half) * carrier[:half]).sum(), (bump(half) * carrier[half:]).sum()
-        return frequency + float(np.angle(late * early.conjugate())) / (2 * np.pi * k * half)
+        carrier = np.exp(-2j * np.pi * ((multiple * frequency * np.arange(2 * half)) % 1.0)) * signal[: 2 * half]
+        early, late = bump(half) @ carrier[:half], bump(half) @ carrier[half:]
+        return frequency + float(np.angle(late * early.conjugate())) / (2 * np.pi * multiple * half)
 
     value, rough = first, first
     for _ in range(3):
-        rough = drifted(centred[: number // 2, j], rough)
-        value = drifted(centred[:, j], value)
+        rough, value = drifted(signal[: len(signal) // 2], rough), drifted(signal, value)
     return value % 1.0, abs(value - rough) + 1e-15
 
 

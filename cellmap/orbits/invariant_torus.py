@@ -13,7 +13,7 @@ from .._lib.arrays import Complexes, Floats
 from ..maps.coordinates import Coordinate, difference, turns_of, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
-from .invariant_circle import bump, curve_size, recorded_orbit, rotation_numbers_of, signals_of
+from .invariant_circle import bump, curve_size, frequency_beside, recorded_orbit, rotation_numbers_of, signals_of
 
 _STAGES = (
     (4096, 5),
@@ -24,6 +24,7 @@ _GOOD = 1e-6  # invariance error that needs no further attempt,
 _SUFFICIENT = 1e-3  # and the largest one that is accepted
 _PEAKS = 10  # lines of the spectrum that the two frequencies have to explain
 _APART = 16.0  # least distance of two lines, in units of one over the number of points
+_UNSURE = 0.1  # error of the strongest line, in units of one over the number of points, of a spectrum without lines
 _WEAK = 1e-3  # strength of a line, relative to the strongest, below which it is left unexplained
 _ORDERS = 12  # of combinations that explain them
 _SAME = 1e-5  # distance of a line from its combination
@@ -134,23 +135,15 @@ def _lines(signals: Complexes) -> tuple[Floats, Floats]:
         if total[peak] < _WEAK * total[peaks[0]] or len(lines) == _PEAKS:
             break
         signal = centred[:, int(strength[peak].argmax())]
-        rough, fine = peak / number, peak / number
-        for _ in range(3):
-            rough, fine = _drifted(signal[: number // 2], rough), _drifted(signal, fine)
+        frequency, error = frequency_beside(signal, peak / number)
+        if not lines and error > _UNSURE / number:
+            break
         known = np.array([*lines, 0.0])
-        near = np.minimum(*(np.abs((known - sign * fine + 0.5) % 1.0 - 0.5) for sign in (1, -1)))
+        near = np.minimum(*(np.abs((known - sign * frequency + 0.5) % 1.0 - 0.5) for sign in (1, -1)))
         if near.min() > _APART / number:
-            lines.append(fine % 1.0)
-            errors.append(abs(fine - rough) + 1e-15)
+            lines.append(frequency)
+            errors.append(error)
     return np.array(lines), np.array(errors)
-
-
-def _drifted(signal: Complexes, frequency: float) -> float:
-    """Correct a frequency by the drift of its phase from one half of a signal to the other."""
-    half = len(signal) // 2
-    carrier = np.exp(-2j * np.pi * ((frequency * np.arange(2 * half)) % 1.0)) * signal[: 2 * half]
-    early, late = (bump(half) * carrier[:half]).sum(), (bump(half) * carrier[half:]).sum()
-    return frequency + float(np.angle(late * early.conjugate())) / (2 * np.pi * half)
 
 
 def _related(frequencies: Floats, errors: Floats) -> bool:

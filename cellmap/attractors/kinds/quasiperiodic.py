@@ -14,7 +14,7 @@ from ...maps.paths import path_of
 from ...maps.point_map import PointMap
 from ...maps.tangent import tangent
 from ...orbits.attractor import Attractor, Kind, aperiodic
-from ...orbits.invariant_circle import curve_size, fitted_circle
+from ...orbits.invariant_circle import InvariantCircle, curve_size, fitted_circle
 from ...orbits.invariant_torus import fitted_torus
 from ...orbits.newton import newton, stable_orbit
 from ..regions.boxes import inside_cover
@@ -98,10 +98,18 @@ def quasiperiodic_attractors(
             continue
         if creeping(exact, before.points, extent).found[0] or not _may_attract(exact, before, most):
             continue
-        attractor = None if spec is not None else _on_curves(exact, before.points[0], extent, age, found, slow)
+        fitted = None
+        if spec is None:
+            fitted, period = fitted_circle(exact, before.points[0], extent, age, slow)
+            if period:
+                found.cycles.append((before.points[0], period))
+        curves = None if fitted is None else _curves(fitted.circle, exact, extent)
+        if curves is not None and not _is_new(curves.points[:, :: DENSE // _SAMPLE], attractors, exact):
+            continue
+        attractor = None if fitted is None or curves is None else _on_curves(fitted.circle, curves, extent, most)
         if attractor is None and exact.dimension > 2 and not len(found.cycles):
             attractor = _on_torus(exact, before.points[0], extent, most)
-        if attractor is not None and _is_new(attractor, attractors, exact):
+        if attractor is not None and _is_new(attractor.points, attractors, exact):
             assert attractor.cover is not None
             found.attractors.append(attractor)
             left = left[~inside_cover(attractor.cover, left, exact)]
@@ -130,20 +138,19 @@ def _may_attract(exact: PointMap, orbits: Orbits, most: int) -> bool:
     return bool(-2.0 * most * rates.mean() >= -np.log(FIRST_FACTOR) * (exact.dimension - 1))
 
 
-def _on_curves(exact: PointMap, state: Floats, extent: Floats, age: int, found: Found, slow: bool) -> Attractor | None:
-    fitted, period = fitted_circle(exact, state, extent, age, slow)
-    if fitted is None:
-        if period:
-            found.cycles.append((state, period))
-        return None
-    circle, most = fitted.circle, max(MOST_STEPS, age)
+def _curves(circle: InvariantCircle, exact: PointMap, extent: Floats) -> Curves:
     points = circle.points(np.arange(DENSE) / DENSE, exact.coordinates)
-    curves = Curves(exact, points, _size(points, exact, extent))
+    return Curves(exact, points, _size(points, exact, extent))
+
+
+def _on_curves(circle: InvariantCircle, curves: Curves, extent: Floats, most: int) -> Attractor | None:
+    """Return the circle to which an orbit has come, verified to attract."""
+    exact, points = curves.exact, curves.points
     tube = verified_tube(curves, extent, 10.0 * max(circle.invariance_error, floor_of(curves)), most)
     cover = None if tube is None else cover_of_tube(curves, tube)
     if cover is None:
         return None
-    growth = Growing.along(exact.without_table, points[0, :1], _EXPONENT_PERIODS)
+    growth = Growing.along(exact, points[0, :1], _EXPONENT_PERIODS)
     order = np.argsort(-growth.exponents[0])
     exponents, zero = growth.exponents[0, order], growth.zero[0, order]
     if not zero[0]:
@@ -179,11 +186,11 @@ def _size(points: Floats, exact: PointMap, extent: Floats) -> Floats:
     return lengths_beside(span, extent)
 
 
-def _is_new(attractor: Attractor, known: Sequence[Attractor], point_map: PointMap) -> bool:
-    """Tell whether an attractor is none of those known: the boxes of a tube need not cover all of its curve."""
-    verified = [a for a in known if a.verified]
-    every, first = attractor.points, attractor.points[:1]
-    return len(_outside(every, verified, point_map)) == len(every) and len(_outside(first, known, point_map)) == 1
+def _is_new(points: Floats, known: Sequence[Attractor], point_map: PointMap) -> bool:
+    """Tell whether points of an attractor are on none of those known: the boxes of a tube need not cover all of it."""
+    verified, points = [a for a in known if a.verified], points.reshape(-1, point_map.dimension)
+    every = len(_outside(points, verified, point_map)) == len(points)
+    return every and len(_outside(points[:1], known, point_map)) == 1
 
 
 def _outside(states: Floats, known: Sequence[Attractor], point_map: PointMap) -> Floats:
