@@ -19,7 +19,7 @@ from cellmap import (
     save_basins,
     stroboscopic_map,
 )
-from cellmap.basins import UnsettledWarning
+from cellmap.basins import UnsettledWarning, doubts
 from cellmap.maps import Status, ToleranceWarning
 
 
@@ -97,11 +97,14 @@ def test_a_map_whose_orbits_grow():
         find_basins(discrete_map(lambda x, p: (1.01 * x[0], 0.5 * x[1]), {}, ("x", "y")), GRID, max_periods=1100)
 
 
-def test_a_remedy_that_was_tried_led_to_an_attractor():
+def test_a_remedy_that_was_tried_led_to_an_attractor(monkeypatch):
     """y follows cos(t) at once: x' = -x + y has one stable solution of period 2 pi."""
     system = ForcedSystem(lambda t, x, p: (x[1] - x[0], 1e5 * (cos(t) - x[1])), {}, 2 * pi, ("x", "y"))
     exact = stroboscopic_map(system, method="DOP853", max_steps=64)
     with pytest.warns(UnsettledWarning, match=r"8 of 8 tried reach .* with method='Rosenbrock', and 8 of them an attr"):
+        find_basins(exact, GRID)
+    monkeypatch.setattr(doubts, "_AFFORDED", 0)
+    with pytest.warns(UnsettledWarning, match=r"8 of 8 tried reach .*; whether they come to an attractor was not tri"):
         find_basins(exact, GRID)
 
 

@@ -230,3 +230,14 @@ def test_the_witness_encloses_all_functions_and_their_series(flow: bool, monkeyp
         interval_witness.witness(discrete_map(lambda x, p: (1.0 / x[0], math.log(x[1])), {}, ("x", "y")))(
             [context.mpf([-1, 1]), context.mpf(1)]
         )
+
+
+def test_remainders_of_short_series_are_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """x' = -x: image and slope are exp(-1/4), which two terms of the series miss by 1e-4."""
+    monkeypatch.setattr(interval_witness, "_ORDER", 2)
+    monkeypatch.setattr(interval_witness, "_STEPS", (3,))
+    decay = stroboscopic_map(ForcedSystem(lambda t, x, p: (-x[0],), {}, 0.25, ("x",)))
+    image, slopes = interval_witness.witness(decay)([interval_witness.intervals().mpf(1)])
+    for found in (image[0], slopes[0][0]):
+        assert found.a <= math.exp(-0.25) <= found.b
+        assert found.delta < 2e-3

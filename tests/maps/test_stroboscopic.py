@@ -13,6 +13,7 @@ from two_tiers import at_once
 from cellmap import ForcedSystem, Status, angle, set_threads, stroboscopic_map
 from cellmap._compiled.kernels.blocks import LANES
 from cellmap._compiled.machine_code import machine_code
+from cellmap.maps.integration import steps_of_harmonics
 from cellmap.maps.orbit_batch import CHUNK
 from systems import dimensionless_pendulum
 
@@ -125,3 +126,9 @@ def test_a_sweep_compiles_nothing(problems: Mapping[str, ForcedSystem]) -> None:
     images = [stroboscopic_map(one)([0.1, 0.1]) for one in swept]
     assert machine_code.cache_info().misses == compiled
     assert len(np.unique(images, axis=0)) == 10
+
+
+def test_steps_are_half_the_number_of_the_highest_harmonic_or_one():
+    strengths = np.array([1.0, 0.0, 0.0, 1.0, 0.1])
+    assert [steps_of_harmonics(strengths[:n]) for n in (1, 4, 5)] == [1, 2, 3]
+    assert [steps_of_harmonics(strengths, least) for least in (0.1, 1.0)] == [2, 1]

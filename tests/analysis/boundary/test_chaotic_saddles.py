@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import cos, log, pi
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from cellmap import (
     Basins,
     CellGrid,
+    Coordinate,
     PointMap,
     angle,
     discrete_map,
@@ -20,6 +22,7 @@ from cellmap import (
     plot,
 )
 from cellmap.analysis.boundary import chaotic_saddle, edge_orbit, escape_rate
+from cellmap.analysis.boundary.edge import _period
 from cellmap.analysis.fractal import box_dimension
 from cellmap.maps import jacobian
 from cellmap.orbits import OrbitKind
@@ -270,3 +273,10 @@ def test_without_an_attractor_it_says_so() -> None:
     assert edge.sides[-1].tolist() == [0, 1]
     with pytest.raises(ValueError, match=r"outcome returns .* return one whole number"):
         edge_orbit(basins, outcome=lambda points: points)
+
+
+def test_an_orbit_is_periodic_after_three_rounds() -> None:
+    points = np.array([[5.0], *([[0.0], [1.0]] * 4)])[:-1]
+    line = SimpleNamespace(coordinates=(Coordinate("x"),))
+    found = [_period(points[-n:], line, longest, np.ones(1)) for n, longest in ((8, 5), (7, 2), (6, 2), (7, 1))]  # type: ignore[arg-type]
+    assert found == [2, 2, 0, 0]
