@@ -74,6 +74,7 @@ REFUSED = [
     (lambda: boundary.escape_rate(TENT, SQUARE), "2 axes"),
     (lambda: boundary.chaotic_saddle(TENT, Grid((0.4,), (0.6,), (1,)), n_points=200, lifetime=5), "stays longest"),
     (lambda: boundary.chaotic_saddle(TENT, UNIT, n_points=200, max_stagger=2e-14, lifetime=15), "no stagger"),
+    (lambda: boundary.chaotic_saddle(TENT, UNIT, max_stagger=0.6), "max_stagger=0.6: .* at most 0.5"),
     (lambda: boundary.edge_orbit(line(), 0, 0), "lies beside"),
     (lambda: boundary.edge_orbit(line(), 0, 4), "no initial condition has the label 4"),
     (lambda: boundary.edge_orbit(line(), 0, [1.0]), "two labels, or two states"),

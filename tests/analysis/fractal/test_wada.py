@@ -1,5 +1,6 @@
 """Wada basins: constructed images, published parameters of the forced pendulum, and what is not concluded."""
 
+from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -156,6 +157,7 @@ def test_smooth_basins_as_narrow_as_boxes_are_not_wada(cells):
     assert found.fractions[-1, 3] > 0.3
     assert found.verdict == "not"
     assert found.closer.tolist() == [0, 0, 400, 0]
+    assert replace(found, closer=np.array([0, 0, 380, 20])).verdict == "not"  # a twentieth has three basins
 
 
 def test_newtons_method_for_three_roots_is_wada(roots):
