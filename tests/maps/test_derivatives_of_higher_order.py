@@ -134,7 +134,10 @@ def test_parts_of_a_period_make_up_the_whole(count, swept):
     parts = (swept_map(point_map, "f") if swept else point_map).spec.parts(count)
     assert len(parts) == count
     state, product = np.array([[0.4, -0.1, *[0.0] * swept]]), np.eye(2)
-    for part in parts:
+    for number, part in enumerate(parts):
+        if not swept:
+            forms = multilinear_forms(point_map, state, 1, np.ones(2), once=True, order=1, part=(number, count))
+            np.testing.assert_allclose(forms.linear[0, 0], rotation(2 * pi / count), atol=1e-8)
         state, matrices = part(state)
         np.testing.assert_allclose(matrices[0][:2, :2], rotation(2 * pi / count), atol=1e-8)
         product = matrices[0][:2, :2] @ product

@@ -247,6 +247,7 @@ TYPES = (
     (lambda: system(impacts=BALL), "give a sequence of Impact"),
     (lambda: system(impacts=[lambda t, x, p: x]), "give a sequence of Impact"),
     (lambda: grid(shape=(4.0, 4)), "shape=4.0: give a whole number, the int 4"),
+    (lambda: grid((-1.0, 0.0), (1.0, 1.0), (4, 4), (1, 0)), r"wraps=\(1, 0\): give True or False"),
     (lambda: mapping(lambda x: x), r"function must be callable as function\(x, p\)"),
     (lambda: mapping(lambda x, p: p.a * x), r"x and p are tuples: write x\[0\]"),
     (lambda: mapping(lambda x, p: -x[0], coordinates=("x",)), r"returns -0\.1: .*`return \(value,\)`"),

@@ -95,6 +95,7 @@ def test_angles_are_unwrapped_from_the_given_initial_condition():
 def test_outputs_follow_the_motion():
     motion = trajectory(OSCILLATOR, [[1.0, 0.0], [0.0, 2.0]], 2, phase=0.25)
     assert motion.output("energy")[..., 0] == pytest.approx(np.tile([0.5, 2.0], (129, 1)), abs=1e-8)
+    assert OSCILLATOR.output("energy", 0.3, np.full((3, 4, 2), 0.5)).tolist() == [[[0.25]] * 4] * 3
     assert motion.output("phase")[:, 1] == pytest.approx(np.transpose([np.cos(motion.times), np.sin(motion.times)]))
 
 
