@@ -131,15 +131,6 @@ def test_the_pendulum_at_two_and_three_millimetres():
         assert a.points[0] == pytest.approx(sign * point, rel=1e-10)
 
 
-def test_period_four_at_ten_millimetres():
-    four = next(a for a in pendulum(0.010, 100.0) if a.period == 4)
-    first, second = (0.100306867278, 0.282821064590 * W), (0.536047919253, -0.034158641173 * W)
-    expected = np.array([first, second, np.negative(first), np.negative(second)])
-    assert four.kind is Kind.PERIODIC
-    assert any(np.roll(four.points, k, axis=0) == pytest.approx(expected, abs=1e-8) for k in range(4))
-    assert np.abs(four.points).min(axis=0) == pytest.approx(np.abs(expected).min(axis=0), rel=1e-9)
-
-
 @pytest.mark.parametrize(
     ("system", "window", "expected"),
     [

@@ -24,26 +24,17 @@ from cellmap.maps.coordinates import difference
 from cellmap.orbits import Kind
 from cellmap.orbits.newton import stable_orbit
 
-THOROUGH = pytest.mark.thorough
 LIMITS = {
     "pendulum, 3 mm": (systems.driven_pendulum(), ((-pi, -500.0), (pi, 500.0))),
     "vertically driven": (systems.dimensionless_pendulum(0.5, 0.1, 0.03), ((-pi, -4.0), (pi, 4.0))),
     "Duffing": (systems.two_well_duffing(), ((-2.2, -2.2), (2.2, 2.2))),
 }
-MORE = {
-    "pendulum, 2 mm": (systems.driven_pendulum(amplitude=0.002), ((-pi, -100.0), (pi, 100.0))),
-    "pendulum, 10 mm": (systems.driven_pendulum(amplitude=0.010), ((-pi, -500.0), (pi, 500.0))),
-    "forced pendulum": (systems.forced_pendulum(), ((-pi, -4.0), (pi, 4.0))),
-    "inverted": (systems.dimensionless_pendulum(-0.1, 0.545, 0.2), ((-pi, -4.0), (pi, 4.0))),
-    # Light damping: many resonances, slow convergence.
-    "lightly damped": (systems.dimensionless_pendulum(0.1, 0.3, 0.01), ((-pi, -2.0), (pi, 2.0))),
-}
 
 
-@pytest.fixture(scope="module", params=[*LIMITS, *(pytest.param(name, marks=THOROUGH) for name in MORE)])
+@pytest.fixture(scope="module", params=LIMITS)
 def case(request) -> tuple[ForcedSystem, PointMap, np.ndarray, tuple[Attractor, ...]]:
     """A system, its map, the window, and the attractors that are found from it."""
-    system, window = (LIMITS | MORE)[request.param]
+    system, window = LIMITS[request.param]
     exact = stroboscopic_map(system)
     return system, exact, np.array(window), find_attractors(exact, grid_of(*window, 24))
 

@@ -86,16 +86,6 @@ def test_each_label_is_that_of_the_whole_orbit() -> None:
         np.testing.assert_allclose(states.at(VALUES[number], slice(0, PLACES.size))[rows], exact, atol=1e-8)
 
 
-@pytest.mark.thorough
-def test_a_window_with_bifurcations() -> None:
-    """A well vanishes at tilt = 2/sqrt(27) between two values, and another one is born at the opposite tilt."""
-    tilts = np.linspace(-0.42, 0.42, 22)
-    sweep = continue_basins(table(), "tilt", tilts, PLACES)
-    two = np.abs(tilts) < 2 / np.sqrt(27)
-    assert np.array_equal([len(found) for found in sweep.attractors], 1 + two)
-    assert counts_by_side(sweep) == alone(table(), "tilt", tilts)
-
-
 def test_what_a_parameter_does_between_the_nodes_of_tables() -> None:
     icm, maps = table(switched), continuation.MapsOverValues(table(switched), "h", VALUES)
     tilted = np.abs(VALUES - 0.0862) < 2.8e-4

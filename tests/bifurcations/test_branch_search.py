@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, discrete_map
-from cellmap.bifurcations import BifurcationKind, find_branches
+from cellmap.bifurcations import find_branches
 from systems import logistic_map
 
 WINDOW = CellGrid((-2.05,), (5.0,), (150,))
@@ -13,22 +13,6 @@ WINDOW = CellGrid((-2.05,), (5.0,), (150,))
 def two_circles_and_a_line(x, p):
     """Fixed points on the circles x^2 + q^2 = 1 and (x - 3)^2 + (q - 0.5)^2 = 1/4, and at x = 4.5."""
     return (x[0] + 0.02 * (1 - x[0] ** 2 - p.q**2) * (0.25 - (x[0] - 3) ** 2 - (p.q - 0.5) ** 2) * (x[0] - 4.5),)
-
-
-@pytest.mark.thorough
-def test_two_isolas_and_a_line():
-    exact = discrete_map(two_circles_and_a_line, {"q": 0.0}, ("x",))
-    found = find_branches(exact, "q", -2.0, 2.0, WINDOW, step=0.03)
-    assert (len(found.branches), len(found.isolas)) == (3, 2)
-    large, small = sorted(found.isolas, key=lambda b: float(b.points.mean()))
-    np.testing.assert_allclose(large.points[:, 0] ** 2 + large.values**2, 1.0, atol=1e-11)
-    np.testing.assert_allclose((small.points[:, 0] - 3.0) ** 2 + (small.values - 0.5) ** 2, 0.25, atol=1e-11)
-    for isola, folds in ((large, [-1.0, 1.0]), (small, [0.0, 1.0])):
-        np.testing.assert_allclose(sorted(b.value for b in isola.of_kind(BifurcationKind.FOLD)), folds, atol=1e-10)
-    q = found.values
-    np.testing.assert_array_equal(found.orbits, 1 + 2 * (np.abs(q) < 1.0) + 2 * (np.abs(q - 0.5) < 0.5))
-    assert found.present.sum(axis=0).tolist() == (found.orbits // 2 + 1).tolist()
-    assert not found.connected.any()
 
 
 def test_an_isola_between_two_values_is_missed():

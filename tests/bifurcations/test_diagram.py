@@ -100,21 +100,6 @@ def duffing():
     return bifurcation_diagram(DUFFING, "frequency", np.linspace(1.3, 1.8, 26), [0.0, 0.0], transient=300, periods=64)
 
 
-@pytest.mark.thorough
-def test_hysteresis_lies_between_the_folds(duffing):
-    """Each branch jumps at the first value beyond the fold of its attractor, by AUTO-07p."""
-    up, down = duffing.points[:, :, -1]
-    differ = np.abs(up - down).max(axis=-1) > 1e-3
-    inside = (duffing.values > 1.3242362008) & (duffing.values < 1.7797195243)
-    assert (differ == inside).all()
-    assert 0 < inside.sum() < inside.size
-    assert (duffing.period == 1).all()
-    assert duffing.directions == ("up", "down")
-    assert not duffing.restarted.any()
-    # Liouville, with a period that depends on the parameter.
-    assert duffing.exponents.sum(axis=-1) == pytest.approx(np.tile(-0.1 * 2 * pi / duffing.values, (2, 1)), abs=1e-10)
-
-
 def test_orbit_leaves_an_equilibrium_that_has_lost_its_stability():
     """tanh(a x): 0 is stable up to a = 1."""
     maps, values = discrete_map(wells, {"a": 1.0}, ("x",)), [0.5, 0.8, 1.5, 2.0]

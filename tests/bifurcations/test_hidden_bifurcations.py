@@ -117,17 +117,6 @@ def test_angles_that_enter_other_images():
     assert values(doubled) == pytest.approx([2.0 * pi], rel=1e-12)
 
 
-@pytest.mark.thorough
-def test_a_closed_curve_over_two_parameters():
-    exact = discrete_map(lambda x, p: (-(2.0 - p.q**2 - p.s**2) * x[0] - x[0] ** 3,), {"q": 0.1, "s": 0.1}, ("x",))
-    branch = branch_at_rest(exact, "q", -1.5, 1.5)
-    curve = continue_bifurcation(branch, branch.bifurcations[0], "s", (-1.5, 1.5), (-1.5, 1.5))
-    assert curve.ends == ("closed", "closed")
-    np.testing.assert_allclose((curve.values**2).sum(axis=1), 1.0, rtol=1e-12)
-    angles = np.unwrap(np.arctan2(*curve.values.T))
-    assert 6.2 < abs(angles[-1] - angles[0]) < 6.4
-
-
 @pytest.mark.parametrize("unit", [1.0, thorough(1e-6), thorough(1e6)])
 def test_a_pitchfork_and_its_branches_in_any_unit(unit):
     cubic = discrete_map(lambda x, p: (p.m * x[0] - x[0] ** 3 / unit**2,), {"m": 0.5}, ("x",))

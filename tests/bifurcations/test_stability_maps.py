@@ -5,13 +5,10 @@ from math import pi
 import numpy as np
 import pytest
 
-from cellmap import discrete_map, periodic_orbit, set_threads, stability_map
+from cellmap import discrete_map, periodic_orbit, stability_map
 from cellmap.bifurcations import Crossing, critical_values
 from cellmap.bifurcations.crossings import linked
 from systems import driven_pendulum, henon_map
-
-AMPLITUDES = ("amplitude", np.linspace(0.0005, 0.014, 45))
-FREQUENCIES = ("frequency", np.linspace(30.0, 80.0, 40))
 
 
 def test_a_doubled_orbit_ends_where_it_is_born():
@@ -75,12 +72,3 @@ def test_the_way_to_the_grid_is_found(pendulum):
     )  # foci: Liouville
     with pytest.raises(ValueError, match="it ceases to exist between"):
         stability_map(pendulum, rotation, ("amplitude", [0.0001, 0.0002, 0.0003]), ("frequency", [50.0, 51.0, 52.0]))
-
-
-def test_threads_change_no_bit():
-    exact, maps = henon_map(0.6, 0.3), []
-    for threads in (1, 2):
-        set_threads(threads)
-        orbit = periodic_orbit(exact, [0.6, 0.2])
-        maps.append(stability_map(exact, orbit, ("a", np.linspace(-0.2, 1.2, 25)), ("b", np.linspace(-0.5, 0.5, 20))))
-    assert maps[0].largest.tobytes() == maps[1].largest.tobytes()

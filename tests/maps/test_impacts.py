@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cellmap import ForcedSystem, angle, stroboscopic_map
+from cellmap import ForcedSystem, stroboscopic_map
 from cellmap.maps import Impact, Status, ToleranceWarning, flow_map, jacobian, swept_map, swept_system, trajectory
 
 
@@ -121,25 +121,6 @@ def test_derivative_is_that_of_differences(system, place, error):
     shifts = step * np.eye(2)
     differences = (exact(place + shifts) - exact(place - shifts)).T / (2 * step)
     assert jacobian(exact, place) == pytest.approx(differences, abs=error)
-
-
-@pytest.mark.parametrize("shift", [0.0, 1.0])
-def test_kicked_rotor_is_the_standard_map(shift):
-    """Also with the kick at the sampling time itself, once a period and no more."""
-    kick = Impact(lambda t, x, p: -sin(2 * pi * t - p.shift), lambda t, x, p: (x[0], x[1] + p.k * sin(x[0])))
-    rotor = ForcedSystem(
-        lambda t, x, p: (x[1], 0.0 * x[0]), {"k": 1.3, "shift": shift}, 1.0, (angle("theta"), "v"), impacts=[kick]
-    )
-    theta, v = np.array([0.3, 2.0]), np.array([0.4, -1.0])
-    begin = np.stack([theta, v], axis=1)
-    early = shift / (2 * pi)
-    for _ in range(8):
-        theta = theta + early * v
-        v = v + 1.3 * np.sin(theta)
-        theta = theta + (1 - early) * v
-    found = stroboscopic_map(rotor, rtol=1e-12, atol=1e-12).iterate(begin, 8).points
-    assert np.exp(1j * found[:, 0]) == pytest.approx(np.exp(1j * theta), abs=1e-10)
-    assert found[:, 1] == pytest.approx(v, abs=1e-10)
 
 
 def test_thin_wall_has_two_sides():

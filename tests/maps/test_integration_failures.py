@@ -156,26 +156,6 @@ def test_orbits_that_pass_close_to_a_pole_do_not_end(method):
     assert found.points[2:4] == pytest.approx(places[2:4], abs=1e-2)
 
 
-STIFF = {
-    "moving": (lambda t, x, p: (-1e6 * (x[0] - cos(t)), -x[1]), 2 * pi),  # to cos(t), and exp(-t)
-    "Van der Pol": (lambda t, x, p: (x[1], 1e5 * (1.0 - x[0] ** 2) * x[1] - x[0]), 1.0),
-}
-
-
-@quiet
-@pytest.mark.filterwarnings("default::cellmap.maps.ToleranceWarning")
-@pytest.mark.parametrize(("method", "steps"), [pair for pair in ALL if "Rosenbrock" not in str(pair)])
-@pytest.mark.parametrize("name", STIFF)
-def test_what_is_stiff_does_not_end(name, method, steps):
-    """Explicit steps are unstable and overflow, where orbits stay below 2.1 as the method for stiff systems sees."""
-    rhs, period = STIFF[name]
-    with pytest.warns(ToleranceWarning, match="out of steps.* max_steps, or give method='Rosenbrock'"):
-        found = images(rhs, period, [2.0, 0.0], ("x", "y"), method, steps)
-    assert found.status == Status.OUT_OF_STEPS
-    precise = images(rhs, period, [2.0, 0.0], ("x", "y"), "Rosenbrock")
-    assert precise.status == Status.OK and np.abs(precise.points).max() < 2.1
-
-
 @quiet
 @pytest.mark.parametrize("method", at_once(["DOP853", "Rosenbrock"], later=METHODS))
 def test_what_grows_for_ever_diverges(method):

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from math import pi
-from typing import Any
 
 import numpy as np
 import pytest
@@ -61,15 +60,6 @@ def test_the_table_of_precise_images_is_reproduced(problems, precise_images, pre
     for name in SPANS:
         row = next(r for r in precise_images if r["problem"] == name)
         assert precise_image(problems[name], row["start"]) == pytest.approx(row["image"], rel=1e-15)
-
-
-@pytest.mark.parametrize("method", ["DOP853", "Taylor"])
-def test_a_linear_flow_is_its_exponential(method: str) -> None:
-    def rhs(t: float, x: Any, p: Any) -> tuple[float, float]:
-        return x[1], -x[0]
-
-    strobe = stroboscopic_map(ForcedSystem(rhs, {}, pi / 2, ("x", "v")), rtol=1e-14, atol=1e-14, method=method)
-    assert strobe([[1.0, 0.0], [3.0, -2.0]]) == pytest.approx(np.array([[0.0, -1.0], [-2.0, -3.0]]), abs=3e-14)
 
 
 @pytest.mark.parametrize("phase", [0.25, -3.4])

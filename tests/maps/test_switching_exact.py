@@ -1,12 +1,11 @@
 """Discontinuous right-hand sides against exact solutions, and from initial conditions on a surface."""
 
-from math import acos, asin, cos, inf, pi, sin, sqrt
+from math import asin, cos, inf, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
 import pytest
 from discontinuous_systems import table
-from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from cellmap import ForcedSystem, Status, stroboscopic_map, trajectory
@@ -106,25 +105,6 @@ def test_a_force_that_only_just_reaches_the_friction(excess: float) -> None:
     images = stroboscopic_map(system).iterate([0.2, 0.0], 3)
     assert images.status == Status.OK
     assert images.points == pytest.approx([0.2, 0.0], abs=1e-12 + 10.0 * excess)
-
-
-def test_a_square_wave_on_a_spring() -> None:
-    """x'' = -2 zeta x' - x + sign(cos t): pieces of a linear flow, by matrix exponentials."""
-
-    def rhs(t: float, x: Any, p: Any, s: Any) -> tuple[float, float]:
-        return x[1], -0.2 * x[1] - x[0] + p.force * s[0]
-
-    def clock(t: float, x: Any, p: Any) -> tuple[float]:
-        return (cos(t) - p.level,)
-
-    initial_conditions = np.random.default_rng(0).uniform(-2.0, 2.0, (20, 2))
-    for level in (0.0, 0.3, -0.9):
-        system = ForcedSystem(rhs, {"force": 1.3, "level": level}, 2.0 * pi, ("x", "v"), switches=clock)
-        exact, matrix = initial_conditions, np.array([[0.0, 1.0], [-1.0, -0.2]])
-        for sign, stay in ((1.3, acos(level)), (-1.3, 2.0 * pi - 2.0 * acos(level)), (1.3, acos(level))):
-            exact = (exact - (sign, 0.0)) @ expm(stay * matrix).T + (sign, 0.0)
-        strobe = stroboscopic_map(system, rtol=1e-12, atol=1e-12)
-        assert strobe(initial_conditions) == pytest.approx(exact, abs=1e-11)
 
 
 def two_springs(t: float, x: Any, p: Any, s: Any) -> tuple[float, float]:
