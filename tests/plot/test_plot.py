@@ -16,7 +16,7 @@ from PIL import Image
 
 import systems
 from cellmap import Basins, CellGrid, Label, angle, discrete_map, find_basins, interpolated_map, plot, stroboscopic_map
-from cellmap.analysis.resilience import basin_stability
+from cellmap.analysis.resilience import basin_stability, settling_statistics
 from cellmap.bifurcations import bifurcation_diagram
 from cellmap.maps import Coordinate
 from cellmap.plot._axes import multiple_of_pi
@@ -212,6 +212,13 @@ def test_points_outside_do_not_widen_the_figure_and_a_chaotic_attractor_is_a_clo
     assert len(line.get_xdata()) == len(basins.attractors[0].points)
     assert legend_of(ax)[0].startswith("chaotic: 4")
     assert legend_of(ax)[-1].startswith("diverged: ")
+
+
+def test_fractions_that_have_not_settled_fall_to_the_last_step():
+    statistics = settling_statistics(two_wells((20, 4)))
+    for line, basin in zip(plot.settling_times(statistics).lines, statistics.basins.values(), strict=True):
+        *falling, last = line.get_ydata()
+        assert falling == pytest.approx((1.0 - np.cumsum(basin.times) / basin.count)[:-1]) and np.isnan(last)
 
 
 def test_figure_can_be_written(pendulum, tmp_path):

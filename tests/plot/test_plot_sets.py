@@ -56,7 +56,7 @@ def test_operators():
     np.testing.assert_allclose([patch.get_height() for patch in ax.patches], 1.0)
     plot.eigenvector(operator, index=1)
     ax = plot.eigenvalues(operator, n_eigenvalues=4)
-    assert ax.lines[1].get_xdata()[0] == pytest.approx(1.0)
+    assert ax.lines[1].get_xdata()[0] == pytest.approx(1.0) and len(ax.lines[1].get_xdata()) == 4
     plane = transfer_operator(BoxSet.full(CellGrid((-1, -1), (1, 1), (9, 9))), CUBIC, 5)
     assert plot.eigenvector(plane, index=1).collections
 
