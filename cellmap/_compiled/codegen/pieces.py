@@ -98,10 +98,11 @@ def _remainder(whole: Rule) -> Rule:
 
 
 def _located(operation: str, rule: Rule) -> Rule:
-    """Return the rule of an operation whose jumps are located, where its arguments move."""
+    """Return the rule of an operation whose jumps are located, where its arguments move other than in steps."""
 
     def chosen(graph: BranchingGraph, *arguments: Expression) -> Expression:
-        return rule(graph, *arguments) if any(map(moves, arguments)) else graph.plain(operation, *arguments)
+        located = any(moves(a) and not is_made_of_steps(a) for a in arguments)
+        return rule(graph, *arguments) if located else graph.plain(operation, *arguments)
 
     return chosen
 

@@ -17,40 +17,92 @@ def settle(system, t, lane, surfaces, event):
     """Let switches follow whose surfaces depend on the sides of others, until each is on its own side.
 
     What slides is looked at once more where they have changed the rates on its two sides, and is free where its
-    surface jumps away, or is no surface any more.  Return whether no mode was found in which all agree.
+    surface jumps away, or is no surface any more.  So is a switch that was hit where another has carried its surface
+    away, as the wrap of an angle does with whole parts of that angle; and one that a jump has put on its surface, or
+    whose rates have changed there, goes to the side to which it moves now.  Return whether no mode was found in which
+    all agree.
     """
-    kinds, slides, fresh, free, after = system.kinds, lane.slides, lane.fresh, event.on_surface, event.after
+    kinds, slides, fresh, hits = system.kinds, lane.slides, lane.fresh, event.hits
+    free, after, values = event.on_surface, event.after, surfaces.values
     count, changed, moved = slides.size, 0, 0
     for _ in range(count):
         changed = 0
         for _ in range(count):
             look(system, t, lane, surfaces)
+            moved = 0
             for e in range(count):
-                away = surfaces.gains[e, e] == 0.0 or abs(surfaces.values[e] - event.values[e]) > _AWAY
+                away = surfaces.gains[e, e] == 0.0 or abs(values[e] - event.values[e]) > _AWAY
                 if slides[e] and kinds[e] <= COUNTS and away:
                     slides[e] = fresh[e] = 0.0
                     if kinds[e] != COUNTS:
-                        lane.signs[e] = 1.0 if surfaces.values[e] > 0.0 else -1.0
-                    changed += 1
-                free[e] = 0.0 if event.hits[e] or slides[e] else 1.0
-            moved = follow(surfaces.values, free, kinds, lane.signs)
+                        lane.signs[e] = 1.0 if values[e] > 0.0 else -1.0
+                    moved += 1
+                elif hits[e] > 0.0 and not slides[e] and kinds[e] <= COUNTS and not _is_met(e, kinds[e], surfaces):
+                    hits[e] = fresh[e] = 0.0
+                free[e] = 0.0 if hits[e] > 0.0 or slides[e] else 1.0
+            moved += follow(values, free, kinds, lane.signs)
+            for e in range(count):
+                hits[e] = -1.0 if free[e] > 1.0 else hits[e]
             changed += moved
             if not moved:
                 break
-        sliding = 0.0
+        sliding, returns = 0.0, 0
         for e in range(count):
             after[e] = lane.signs[e] if free[e] else after[e]
-            free[e] = slides[e]
             sliding += slides[e]
-        again = changed > 0 and sliding > 0.0
+        for e in range(count):
+            free[e] = 1.0 if hits[e] and kinds[e] <= COUNTS and _is_met(e, kinds[e], surfaces) else slides[e]
+            returns += 1 if free[e] and not slides[e] and _returns(e, kinds[e], lane, surfaces, after) else 0
+        again = returns > 0 or (changed > 0 and sliding > 0.0)
         changed = moved
         if not again:
             break
+        for e in range(count):
+            if not returns:
+                free[e] = slides[e]
+            elif free[e] and not slides[e]:
+                hits[e] = 1.0
+                lane.signs[e] -= 1.0 if kinds[e] == COUNTS and values[e] < 0.0 else 0.0
         choose_mode(system, lane, surfaces, free, after)
         for e in range(count):
             changed += free[e] != slides[e]
             fresh[e] = 1.0 if free[e] and not slides[e] else fresh[e]
+    for e in range(count):
+        if kinds[e] == SIGN and not slides[e] and values[e] == 0.0 and _is_still(e, surfaces):
+            changed += 1  # it is zero for a time, and has no side
     return changed > 0
+
+
+@inlined
+def _is_met(e, kind, surfaces):
+    """Tell whether a switch is on its surface, which moves or which states pass."""
+    return _distance(kind, surfaces.values[e]) <= _AWAY and not _is_still(e, surfaces)
+
+
+@inlined
+def _is_still(e, surfaces):
+    """Tell whether the function of a switch depends on neither state nor time here."""
+    still = surfaces.rates[e] == 0.0
+    for j in range(surfaces.normals.shape[1]):
+        still = still and surfaces.normals[e, j] == 0.0
+    return still
+
+
+@inlined
+def _distance(kind, value):
+    """Return how far a switch is from the surface where its side changes."""
+    return abs(abs(value) - 0.5) if kind == COUNTS else abs(value)
+
+
+@inlined
+def _returns(e, kind, lane, surfaces, held):
+    """Tell whether a switch that is on its surface goes back through it, with the rates that others have now."""
+    speed, size = surfaces.rates[e], abs(surfaces.rates[e])
+    for j in range(held.size):
+        speed += surfaces.gains[e, j] * held[j]
+        size += abs(surfaces.gains[e, j] * held[j])
+    inwards = (-speed if surfaces.values[e] > 0.0 else speed) if kind == COUNTS else speed * lane.signs[e]
+    return inwards < -_AWAY * size
 
 
 @inlined
@@ -84,8 +136,7 @@ def doubt_of_one_surface(system, lane, surfaces, held):
     count, wrong = lane.slides.size, False
     for e in range(count):
         for k in range(count):
-            away = abs(abs(values[k]) - 0.5) if system.kinds[k] == COUNTS else abs(values[k])
-            if k != e and lane.slides[e] and away < _AWAY:
+            if k != e and lane.slides[e] and _distance(system.kinds[k], values[k]) < _AWAY:
                 both, first, second, jump = 0.0, 0.0, 0.0, 0.0
                 for j in range(normals.shape[1]):
                     jump += abs(surfaces.jumps[k, j])

@@ -207,14 +207,16 @@ def enter(system, lane, surfaces, event):
 
 @inlined
 def follow(values, free, kinds, signs):
-    """Put switches that are free on the side where the change of another has left them; return how many there were."""
+    """Put switches that are free on the side where the change of another has left them, and mark them with a 2.
+
+    Return how many there were.
+    """
     changed = 0
     for e in range(signs.size):
-        if free[e] and kinds[e] == COUNTS and abs(values[e]) > 0.5:
-            signs[e] += np.floor(values[e] + 0.5)
-            changed += 1
-        elif free[e] and kinds[e] == SIGN and signs[e] * values[e] < 0.0:
-            signs[e] = -signs[e]
+        counted = kinds[e] == COUNTS and not -0.5 <= values[e] < 0.5
+        if free[e] and (counted or (kinds[e] == SIGN and signs[e] * values[e] < 0.0)):
+            signs[e] = signs[e] + np.floor(values[e] + 0.5) if counted else -signs[e]
+            free[e] = 2.0
             changed += 1
     return changed
 

@@ -120,7 +120,8 @@ def _begin(system, block, work, start, end):
             if system.coupled:
                 event.hits[:] = 0.0
                 event.values[:] = surfaces.values
-                settle(system, t, lane, surfaces, event)
+                unsettled = settle(system, t, lane, surfaces, event)
+                doubt(system, t, lane, surfaces, unsettled)
             if system.impacts != 0:
                 t = begin_at_impacts(system, t, lane, surfaces, work.jumps, end)
             store(block.lanes, i, t, lane)
