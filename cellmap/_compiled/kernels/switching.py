@@ -6,11 +6,12 @@ import numpy as np
 
 from ..loops import inlined, loop
 from .events import TIE
-from .lane import COUNTS, SIGN
+from .lane import COUNTS, SIGN, look
 
 _DIGITS = 1e-12  # of the size of a state, by which it may be moved onto a surface; and where it
 _SLIDING = 1e-8  # may slide there
 _JUMP = 1e-6  # of the equivalent control beyond one, from which on the state leaves a surface with a kink
+_MOST_UNITS = 1e6  # by which whole numbers are taken through a jump one after the other
 _ROUNDS = 200  # of the relaxation for several switches on their surfaces at once
 
 
@@ -221,31 +222,62 @@ def follow(values, free, kinds, signs):
     return changed
 
 
-@inlined
-def pass_event(entered, gap, lane, surfaces, event):
+@loop
+def pass_event(system, t, entered, gap, lane, surfaces, event):
     """Take errors, and tangent vectors if there are any, through an event whose time depends on the state.
 
     Its function is known up to a gap.
     It is the saltation matrix I + (f_after - f_before) grad h / (dh/dt before).
     """
-    normals, state, errors, before, after = surfaces.normals, lane.state, lane.errors, event.before, event.after
-    count, dimension = normals.shape
-    speed = surfaces.rates[entered]
+    state, errors, before, after = lane.state, lane.errors, event.before, event.after
+    count, dimension = surfaces.normals.shape
+    changes = 0
+    for e in range(count):
+        changes += before[e] != after[e]
+    several = changes > 1 or system.coupled != 0
+    if several:
+        event.values[:] = lane.signs
+        for e in range(count):
+            if system.kinds[e] <= COUNTS:
+                lane.signs[e] = _side(system.kinds[e], before[e])
+        look(system, t, lane, surfaces)
+    speed, normal, jump = surfaces.rates[entered], np.zeros(dimension), np.zeros(dimension)
     for e in range(count):
         speed += surfaces.gains[entered, e] * before[e]
+    for j in range(dimension):
+        normal[j] = surfaces.normals[entered, j]
+    for e in range(count):
+        place = before[e]
+        while place != after[e] and place == place:  # elsewhere one side may have a pole
+            reached = after[e]
+            if several and system.kinds[e] <= COUNTS:
+                # Jumps depend on the sides of others, and those of a whole number differ from step to step.
+                if system.kinds[e] == COUNTS and abs(reached - place) < _MOST_UNITS:
+                    lane.signs[e] = np.floor(place) if after[e] > place else -np.floor(-place) - 1.0
+                    reached = min(max(reached, lane.signs[e]), lane.signs[e] + 1.0)
+                look(system, t, lane, surfaces)
+            for j in range(dimension):
+                jump[j] += (reached - place) * surfaces.jumps[e, j]
+            place = reached
+        if several and system.kinds[e] <= COUNTS:
+            lane.signs[e] = _side(system.kinds[e], after[e])
+    if several:
+        lane.signs[:] = event.values
     if speed == 0.0:
         return
     for first in range(0, state.size, dimension):
         # The state's own errors first, then each tangent vector.
         shift = gap if first == 0 else 0.0
         for j in range(dimension):
-            shift += abs(normals[entered, j]) * errors[j] if first == 0 else normals[entered, j] * state[first + j]
+            shift += abs(normal[j]) * errors[j] if first == 0 else normal[j] * state[first + j]
         for j in range(dimension):
-            jump = 0.0
-            for e in range(count):
-                if after[e] != before[e]:  # elsewhere one side may have a pole
-                    jump += (after[e] - before[e]) * surfaces.jumps[e, j]
             if first == 0:
-                errors[j] += abs(jump * shift / speed)
+                errors[j] += abs(jump[j] * shift / speed)
             else:
-                state[first + j] += jump * shift / speed
+                state[first + j] += jump[j] * shift / speed
+
+
+@inlined
+def _side(kind, value):
+    """Return the sign of a switch, which is zero while it slides, or the whole number below its value."""
+    return np.floor(value) if kind == COUNTS else (value if abs(value) == 1.0 else 0.0)

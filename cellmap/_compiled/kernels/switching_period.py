@@ -183,7 +183,7 @@ def _pass(system, t, work, span, gaps):
     if system.coupled:
         unsettled = settle(system, t, lane, surfaces, event)
     if entered >= 0:
-        pass_event(entered, gaps[entered * LANES], lane, surfaces, event)
+        pass_event(system, t, entered, gaps[entered * LANES], lane, surfaces, event)
     if system.coupled:
         doubt(system, t, lane, surfaces, unsettled)
     return t
