@@ -1,6 +1,7 @@
 """Discontinuous right-hand sides against exact solutions, and from initial conditions on a surface."""
 
-from math import asin, cos, inf, pi, sin, sqrt
+from collections.abc import Callable
+from math import asin, cos, floor, inf, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -165,3 +166,30 @@ def test_grazing(miss: float) -> None:
     images = stroboscopic_map(system).iterate(ic, 1)
     assert images.status == Status.OK
     assert images.points == pytest.approx(ic, abs=1e-8 + 20.0 * max(-miss, 0.0))
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(
+    "steps",
+    [
+        lambda q: floor(3 * ((q + 0.1) % 1)),
+        lambda q: np.ceil(3 * (q % 1)) * floor(q),
+        lambda q: cos(floor(5 * ((2 * ((q + 0.1) % 1)) % 1))),
+        lambda q: floor(floor(3 * ((q + 0.1) % 1)) / 2) + floor(2 * (q % 1)),
+        lambda q: floor(10 * ((q % 1) % 0.3)),
+        lambda q: sin(pi * ((q + 0.2) % 1)) > 0.5 > (q + 0.2) % 1,
+        lambda q: floor(3 * max((q + 0.1) % 1, (q + 0.4) % 1)),
+        lambda q: max(q % 0.5, np.ceil(q)) % 1,
+    ],
+)
+def test_steps_that_meet_the_wrap_of_an_angle(steps: Callable[[float], float], way: float) -> None:
+    """q' = +-1, v' = f(q), with steps of f at multiples of 1/30: v is a sum over pieces, dv/dq the change of f."""
+    m = stroboscopic_map(ForcedSystem(lambda t, x, p: (way, steps(x[0])), {}, period=1.5, coordinates=("q", "v")))
+    start = np.array([[-0.55, 0.0], [1 / 60, 0.0], [0.25, 0.0]])
+    pieces = [start[:, 0] + way * (k + 0.5) / 180 for k in range(270)]
+    exact = sum(np.vectorize(steps, otypes=[float])(q) for q in pieces) / 180
+    found = m.iterate(start, 1)
+    assert (found.status == 0).all()
+    np.testing.assert_allclose(found.points[:, 1], exact, atol=1e-10)
+    change = [float(steps(q + 1.5 * way)) - float(steps(q)) for q in start[:, 0]]
+    np.testing.assert_allclose(way * jacobian(m, start)[:, 1, 0], change, atol=1e-8)

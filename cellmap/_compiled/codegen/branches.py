@@ -25,7 +25,6 @@ from .pieces import BY_SERIES, LOCATED, PIECES, is_made_of_steps, is_number, mov
 MOST_PATHS = 256
 MOST_SWITCHES = 24
 _NEUTRAL = {"add": 0.0, "sub": 0.0, "mul": 1.0, "div": 1.0}
-_BETWEEN_STEPS = 1e-9  # by which the zero of what changes in steps is moved off its values
 _SAMPLES = 16  # places at which expressions are compared
 _INPUTS = frozenset({"state", "time", "parameter", "constant", "sign", "slide"})
 
@@ -76,10 +75,14 @@ class BranchingGraph(Graph):
 
     def _condition(self, function: Expression, strictly: bool) -> tuple[int, int]:
         """Return the number of the switch of a condition, and the factor +-1 between both."""
-        if strictly or not (self.modes and moves(function)):
+        if strictly or not self._is_input(function):
             return self._switch(function, "side" if strictly else "reached")
         number, factor = self._switch(self._reversed(function), "side")
         return number, -factor
+
+    def _is_input(self, function: Expression) -> bool:
+        """Whether the sign of a function is an input: that of what changes in steps is known from their sides."""
+        return self.modes and moves(function) and not is_made_of_steps(function)
 
     def _reversed(self, function: Expression) -> Expression:
         """Return an expression with the other sign: of a difference that of its operands in the other order."""
@@ -248,9 +251,7 @@ class BranchingGraph(Graph):
         What changes in steps alone may be zero for a time: the surface is moved off there, to the side that the
         comparison says.
         """
-        counts, turns = operation == "floor", self.modes and operation == "side" and moves(function)
-        if self.modes and is_made_of_steps(function):
-            function = self.plain("add", function, _BETWEEN_STEPS if counts else -_BETWEEN_STEPS)
+        counts, turns = operation == "floor", operation == "side" and self._is_input(function)
         forms = [(function, 1)]
         if turns:
             forms.append((self.plain("neg", function), -1))
@@ -277,7 +278,7 @@ class BranchingGraph(Graph):
                 f"it makes more than {MOST_SWITCHES} comparisons, of which one that depends on the outcome of others "
                 "counts for each of their outcomes: compare states and time alone, or name the surfaces as switches"
             )
-        if self.modes and moves(function):
+        if self._is_input(function):
             sign = self.node("sign", value=sum(s.is_mode for s in self.switches))
         else:
             sign = self.plain(operation, function)

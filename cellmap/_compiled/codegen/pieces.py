@@ -74,11 +74,6 @@ def _heaviside(graph: BranchingGraph, a: Expression, at_zero: Expression, below:
     return graph.where_defined(a, graph.choose(a, 1.0, at_most_zero), a)
 
 
-def _whole_part(graph: BranchingGraph, a: Expression) -> Expression:
-    """Count by a switch, unless it changes where other switches do alone."""
-    return graph.plain("floor", a) if graph.modes and is_made_of_steps(a) else graph.whole_part(a)
-
-
 def _negative_of_whole_part(graph: BranchingGraph, a: Expression) -> Expression:
     return graph.apply("neg", graph.whole_part(graph.apply("neg", a)))
 
@@ -130,7 +125,7 @@ PIECES: dict[str, Rule] = {
     "fmin": _numpy_rule(larger=False, keep=False),
     "sign": _sign,
     "heaviside": _heaviside,
-    "floor": _whole_part,
+    "floor": lambda graph, a: graph.whole_part(a),
     "ceil": _negative_of_whole_part,
 }
 """How operations with kinks and jumps are written."""

@@ -5,7 +5,7 @@ They belong to one system, and :mod:`cellmap._compiled.kernels.switching_period`
     free_step(lanes, series, p, end, rate, used)      one step of the lanes in which nothing slides
     general_step(lanes, series, p, end, rate, used)   one step of the others
     begin(lanes, series, p, start)              the mode in which each lane begins
-    surfaces(t, x, p, signs, values, rates, gains, jumps, normals)      all that decides about its mode
+    surfaces(t, x, p, signs, values, rates, gains, jumps, normals, flow)      all that decides about its mode
     impacts(t, x, v, p, signs, landed, turned, stuck, held)     states and deviations after impacts, surface by surface
 
 A step is a Taylor step that also expands the event functions, and sets a flag where a bound from their coefficients
@@ -39,7 +39,7 @@ from .period import CompiledPeriod, Values, loaded_parameters
 from .taylor import Series, Structure
 from .trace import CONSTANT, STATEFUL
 
-_OUTPUTS = ("values", "rates", "gains", "jumps", "normals")
+_OUTPUTS = ("values", "rates", "gains", "jumps", "normals", "flow")
 _STRUCK = ("landed", "turned", "stuck", "held")
 _STEP = "ptr noalias %lanes, ptr noalias %series, ptr noalias %p, double %end, double %rate, i64 %used"
 _ARGUMENTS = {
@@ -151,7 +151,8 @@ def _write_surfaces(out: Instructions, traced: SwitchingTrace, parameters: int) 
     values = [
         e if counts else h for h, e, counts in zip(traced.surfaces, traced.free_events, traced.counts, strict=True)
     ]
-    outputs = (values, traced.rates, flat(traced.gains), flat(traced.jumps), flat(traced.normals))
+    flow = traced.free_motion.outputs if len(values) > 1 else ()  # of one switch, its jump is all that changes
+    outputs = (values, traced.rates, flat(traced.gains), flat(traced.jumps), flat(traced.normals), flow)
     _write_of_one_lane(out, traced, parameters, dict(zip(_OUTPUTS, outputs, strict=True)), ["%x"])
 
 

@@ -24,7 +24,7 @@ def call_begin(address, lanes, series, p, start):
 
 @by_address
 def call_surfaces(address, t, state, p, signs, surfaces):
-    """Evaluate all that decides about modes: ``surfaces(t, state, p, signs, values, rates, gains, jumps, normals)``."""
+    """Evaluate what decides modes: ``surfaces(t, state, p, signs, values, rates, gains, jumps, normals, flow)``."""
 
 
 @by_address

@@ -83,6 +83,8 @@ class Lane(NamedTuple):
 class Surfaces(NamedTuple):
     """Switching functions at a state with their normals, and jumps of the right-hand side at each.
 
+    The flow is the right-hand side itself, where nothing slides, of systems with several switches.
+
     Rates are those with all switches at 0, and gains what each switch at 1 adds to them.
     """
 
@@ -91,6 +93,7 @@ class Surfaces(NamedTuple):
     gains: NDArray[np.float64]
     jumps: NDArray[np.float64]
     normals: NDArray[np.float64]
+    flow: NDArray[np.float64]
 
 
 class Event(NamedTuple):

@@ -11,7 +11,6 @@ from .lane import COUNTS, SIGN, look
 _DIGITS = 1e-12  # of the size of a state, by which it may be moved onto a surface; and where it
 _SLIDING = 1e-8  # may slide there
 _JUMP = 1e-6  # of the equivalent control beyond one, from which on the state leaves a surface with a kink
-_MOST_UNITS = 1e6  # by which whole numbers are taken through a jump one after the other
 _ROUNDS = 200  # of the relaxation for several switches on their surfaces at once
 
 
@@ -222,7 +221,7 @@ def follow(values, free, kinds, signs):
     return changed
 
 
-@loop
+@inlined
 def pass_event(system, t, entered, gap, lane, surfaces, event):
     """Take errors, and tangent vectors if there are any, through an event whose time depends on the state.
 
@@ -231,39 +230,18 @@ def pass_event(system, t, entered, gap, lane, surfaces, event):
     """
     state, errors, before, after = lane.state, lane.errors, event.before, event.after
     count, dimension = surfaces.normals.shape
-    changes = 0
+    changes, changed = 0, entered
     for e in range(count):
-        changes += before[e] != after[e]
-    several = changes > 1 or system.coupled != 0
-    if several:
-        event.values[:] = lane.signs
-        for e in range(count):
-            if system.kinds[e] <= COUNTS:
-                lane.signs[e] = _side(system.kinds[e], before[e])
-        look(system, t, lane, surfaces)
-    speed, normal, jump = surfaces.rates[entered], np.zeros(dimension), np.zeros(dimension)
+        if before[e] != after[e]:
+            changes, changed = changes + 1, e
+    factor = after[changed] - before[changed]
+    if changes > 1 or system.coupled:
+        _add_jumps(system, t, entered, lane, surfaces, event)
+        changed, factor = entered, 1.0
+    speed, normal, jump = surfaces.rates[entered], surfaces.normals[entered], surfaces.jumps[changed]
     for e in range(count):
         speed += surfaces.gains[entered, e] * before[e]
-    for j in range(dimension):
-        normal[j] = surfaces.normals[entered, j]
-    for e in range(count):
-        place = before[e]
-        while place != after[e] and place == place:  # elsewhere one side may have a pole
-            reached = after[e]
-            if several and system.kinds[e] <= COUNTS:
-                # Jumps depend on the sides of others, and those of a whole number differ from step to step.
-                if system.kinds[e] == COUNTS and abs(reached - place) < _MOST_UNITS:
-                    lane.signs[e] = np.floor(place) if after[e] > place else -np.floor(-place) - 1.0
-                    reached = min(max(reached, lane.signs[e]), lane.signs[e] + 1.0)
-                look(system, t, lane, surfaces)
-            for j in range(dimension):
-                jump[j] += (reached - place) * surfaces.jumps[e, j]
-            place = reached
-        if several and system.kinds[e] <= COUNTS:
-            lane.signs[e] = _side(system.kinds[e], after[e])
-    if several:
-        lane.signs[:] = event.values
-    if speed == 0.0:
+    if speed == 0.0 or changes == 0:
         return
     for first in range(0, state.size, dimension):
         # The state's own errors first, then each tangent vector.
@@ -272,12 +250,33 @@ def pass_event(system, t, entered, gap, lane, surfaces, event):
             shift += abs(normal[j]) * errors[j] if first == 0 else normal[j] * state[first + j]
         for j in range(dimension):
             if first == 0:
-                errors[j] += abs(jump[j] * shift / speed)
+                errors[j] += abs(factor * jump[j] * shift / speed)
             else:
-                state[first + j] += jump[j] * shift / speed
+                state[first + j] += factor * jump[j] * shift / speed
 
 
-@inlined
-def _side(kind, value):
-    """Return the sign of a switch, which is zero while it slides, or the whole number below its value."""
-    return np.floor(value) if kind == COUNTS else (value if abs(value) == 1.0 else 0.0)
+@loop
+def _add_jumps(system, t, entered, lane, surfaces, event):
+    """Put the jump of all switches that change into the place of one of them, which is as it was before.
+
+    It is the difference of the right-hand side in both modes: jumps depend on the sides of others.
+    """
+    count, dimension = surfaces.normals.shape
+    event.values[:] = lane.signs
+    jump, held = np.zeros(dimension), np.zeros(count)
+    for way in range(2):
+        for e in range(count):
+            held[e] = event.before[e] if way else event.after[e]
+            if system.kinds[e] == COUNTS:
+                lane.signs[e] = np.floor(held[e])
+            elif system.kinds[e] == SIGN:
+                lane.signs[e] = 1.0 if held[e] == 1.0 else -1.0
+        look(system, t, lane, surfaces)
+        for j in range(dimension):
+            value = surfaces.flow[j]
+            for e in range(count):
+                if system.kinds[e] <= COUNTS and held[e] != lane.signs[e]:
+                    value += (held[e] - lane.signs[e]) * surfaces.jumps[e, j]
+            jump[j] += -value if way else value
+    lane.signs[:] = event.values
+    surfaces.jumps[entered] = jump

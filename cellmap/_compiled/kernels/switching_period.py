@@ -68,14 +68,14 @@ class Workspace(NamedTuple):
 
 
 @inlined
-def _workspace(of_states, of_surfaces, gains, of_both, fresh, coefficients, of_impacts):
+def _workspace(of_states, of_surfaces, gains, of_both, flow, fresh, coefficients, of_impacts):
     state, errors = of_states
     values, rates, signs, slides, hits, on_surface, before, after, earlier = of_surfaces
     jumps, normals = of_both
     landed, turned, stuck, held = of_impacts
     return Workspace(
         Lane(state, errors, signs, slides, fresh),
-        Surfaces(values, rates, gains, jumps, normals),
+        Surfaces(values, rates, gains, jumps, normals, flow),
         Event(hits, on_surface, before, after, earlier, coefficients),
         Jumps(landed, turned, stuck, held),
     )
@@ -255,6 +255,7 @@ def period(single):
             np.zeros((9, count)),
             np.zeros((count, count)),
             np.zeros((2, count, system.dimension)),
+            np.zeros(system.dimension),
             np.zeros(count + 1),
             np.zeros(system.order + 1),
             np.zeros((4, count * system.dimension)),
