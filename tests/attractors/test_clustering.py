@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cellmap import Label, PointMap, angle, discrete_map, find_basins
+from cellmap import Label, PointMap, angle, discrete_map
 from cellmap.attractors import cluster_orbits
 from cellmap.attractors.features.feature_groups import check_clusterer, grouped
-from cellmap.orbits import Kind
 
 
 def between_circles(x: Any, p: Any) -> tuple[float, float]:
@@ -23,27 +22,6 @@ def between_circles(x: Any, p: Any) -> tuple[float, float]:
 @pytest.fixture(scope="module")
 def circles() -> PointMap:
     return discrete_map(between_circles, {}, (angle("a"), "r"))
-
-
-@pytest.mark.thorough
-def test_invariant_circles_are_two_clusters(circles: PointMap) -> None:
-    rng = np.random.default_rng(0)
-    initial_conditions = np.stack([rng.uniform(-pi, pi, 300), rng.uniform(0.5, 3.5, 300)], axis=-1)
-    initial_conditions = initial_conditions[np.abs(initial_conditions[:, 1] - 2.0) > 0.01]
-    basins = find_basins(circles, initial_conditions, max_periods=500)
-    assert [a.kind for a in basins.attractors] == 2 * [Kind.QUASIPERIODIC]
-    innermost = basins.labels[np.argmin(initial_conditions[:, 1])]
-    assert np.array_equal(basins.labels == innermost, initial_conditions[:, 1] < 2.0)
-    found = cluster_orbits(circles, initial_conditions)
-    assert len(found.samples) == 2
-    inner = found.labels[np.argmin(initial_conditions[:, 1])]
-    assert np.array_equal(found.labels == inner, initial_conditions[:, 1] < 2.0)
-    assert found.samples[inner][:, 1] == pytest.approx(1.0)
-    assert found.samples[1 - inner][:, 1] == pytest.approx(3.0)
-    assert np.count_nonzero(found.labels == 0) >= np.count_nonzero(found.labels == 1)
-    # The order of the initial conditions decides nothing but the order of the labels.
-    again = cluster_orbits(circles, initial_conditions[::-1].copy())
-    assert np.array_equal(again.labels[::-1], found.labels)
 
 
 def test_a_branch_cut_parts_no_attractor() -> None:

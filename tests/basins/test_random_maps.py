@@ -185,17 +185,6 @@ def test_errors_stay_below_the_bounds_of_certificates_for_60_random_maps():
 # --- labels
 
 
-@pytest.mark.thorough
-def test_a_cycle_with_narrow_trapping_regions_is_found_once():
-    """Along a cycle of 16 points regions are from 1e-13 to 1e-4 wide: solutions that are 1e-11 apart miss some."""
-    params = {"a": 0.8231954004737445, "b": 0.029189227556271402, "c": 1.4765976873982694, "d": 0.3972819966187119}
-    params |= {"k": 1.3251454792502546, "l": 0.18994976735436153, "m": 0.42162380388171666}
-    exact = discrete_map(folds, params, ("x", "y"))
-    icm = interpolated_map(exact, CellGrid((-4.5, -4.5), (4.5, 4.5), (35, 35)), 3, "integrate", 1.0)
-    certificate = certify(find_basins(icm, CellGrid((-3.0, -3.0), (3.0, 3.0), (50, 50)), max_periods=300), audit=50)
-    assert [a.period for a in certificate.basins.attractors] == [16]
-
-
 @pytest.mark.parametrize(
     ("seed", "families", "number", "side", "periods", "least"),
     [

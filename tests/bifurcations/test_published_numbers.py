@@ -4,27 +4,12 @@ from math import cos, pi
 
 import numpy as np
 import pytest
-from branch_kinds import NEIMARK_SACKER
-from cases import branch_of
 
 from cellmap import ForcedSystem
 from cellmap.bifurcations import critical_values
-from cellmap.maps import flow_map
 
 # Doedel and Oldeman, AUTO-07P (manual, 2012): demo lrz, chapter on the Python interface, "print data".  The flow is
 # seen once in a time of 0.5.
-
-
-@pytest.mark.thorough
-def test_the_lorenz_system_of_auto():
-    def lorenz(t, x, p):
-        return 10.0 * (x[1] - x[0]), p.rho * x[0] - x[1] - x[0] * x[2], x[0] * x[1] - 8.0 / 3.0 * x[2]
-
-    exact = flow_map(ForcedSystem(lorenz, {"rho": 20.0}, 0.5, ("x", "y", "z")), 0.5, rtol=1e-12, atol=1e-12)
-    branch = branch_of(exact, [7.1, 7.1, 19.0], "rho", 2.0, 26.0, step=0.05)
-    (hopf,) = branch.of_kind(NEIMARK_SACKER)
-    printed = [f"{number:.5E}" for number in (hopf.value, *hopf.point)]
-    assert printed == ["2.47368E+01", "7.95602E+00", "7.95602E+00", "2.37368E+01"]
 
 
 # Mathieu's equation y'' + (a - 2 q cos 2t) y = 0 changes its stability at a_r(q) and b_r(q).  Abramowitz and Stegun,

@@ -6,7 +6,7 @@ from math import pi, sin, sqrt
 
 import numpy as np
 import pytest
-from maps_to_interpolate import COARSE, ORDERS, SMOOTH, errors_at, exact_map, interpolated
+from maps_to_interpolate import COARSE, ORDERS, SMOOTH, exact_map, interpolated
 from two_tiers import at_once
 
 import systems
@@ -41,17 +41,6 @@ def test_order_of_convergence(name, order):
     slope = -np.polyfit(range(levels), np.log2(errors), 1)[0]
     assert errors[-1] > 1e-13, "the finest table is at the limit of rounding, where no order can be seen"
     assert slope == pytest.approx(order + 1, abs=0.35)
-
-
-@pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("lower", [-pi, 0.0, 1.0, -2.5])
-def test_branch_cut_is_as_accurate_as_the_rest_of_the_circle(order, lower):
-    exact = discrete_map(lambda x, p: (x[0] + 2.0 + sin(12 * x[0]),), {}, (angle("a"),))
-    icm = interpolated_map(exact, CellGrid((lower,), (lower + 2 * pi,), (240,)), order, tolerance=COARSE)
-    everywhere = errors_at(icm, np.linspace(-pi, pi, 20_001)[:, None])
-    for cut in (-pi, lower):
-        near = np.linspace(cut - 0.05, cut + 0.05, 801)[:, None]
-        assert errors_at(icm, near).max() <= 1.01 * everywhere.max()
 
 
 @pytest.mark.parametrize("arc", [(-1.0, 1.0), (2.5, 4.5), (-4.0, -2.0), (-pi, 0.0), (0.0, pi)])

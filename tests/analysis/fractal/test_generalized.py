@@ -35,22 +35,6 @@ def test_cascade_on_grids_at_random_places():
 # --- correlation
 
 
-@pytest.fixture(scope="module")
-def henon() -> np.ndarray:
-    """Thirty thousand points of the attractor, one of each orbit after the other."""
-    initial_conditions = 0.1 + 0.01 * np.random.default_rng(0).random((100, 2))
-    return systems.henon_map().orbit(initial_conditions, 400).points[101:].reshape(-1, 2)
-
-
-@pytest.mark.thorough
-def test_correlation_dimension_of_henon(henon):
-    """1.220 +- 0.036 (Sprott, Rowlands, International Journal of Bifurcation and Chaos 11 (2001) 1865)."""
-    found = correlation_dimension(henon)
-    assert found.dimension == pytest.approx(1.22, abs=0.02)
-    low, high = found.fit.interval()
-    assert low < 1.22 < high
-
-
 def test_pairs_across_the_branch_cut_of_an_angle():
     """Golden rotation: equally spread over a circle."""
     points = np.mod(np.arange(8000)[:, None] * 0.5 * (5.0**0.5 - 1.0) * 2.0 * pi, 2.0 * pi) - pi
