@@ -17,7 +17,7 @@ from cellmap import (
     stroboscopic_map,
 )
 from cellmap.bifurcations import switch_branch
-from cellmap.orbits import OrbitKind, jury_margins
+from cellmap.orbits import Attractor, Kind, OrbitKind, jury_margins
 from systems import henon_map, standard_map
 
 WINDOW = CellGrid((-pi, -500.0), (pi, 500.0), (120, 120))
@@ -169,3 +169,26 @@ def test_the_equations_of_orbits_along_a_branch_of_henons_map():
     orbit = doubled.orbits_at(0.8)[0]
     assert np.linalg.det(orbit.matrix) == pytest.approx(b**2)
     assert orbit.points.sum(axis=0)[0] == pytest.approx((1 - b) / 0.8)  # the sum of both points is (1 - b)/a
+
+
+def test_a_point_on_the_branch_cut_of_an_angle_is_on_its_lower_side():
+    """Newton's method comes to pi from below or to -pi from above; the fixed point of u + sin(u) / 2 is one of them."""
+    swinging = discrete_map(lambda x, p: (x[0] + 0.5 * sin(x[0]),), {}, (angle("u"),))
+    places = [periodic_orbit(swinging, [guess]).points[0, 0] for guess in (3.0, 3.1, -3.1, -3.0)]
+    assert places == pytest.approx([-pi] * 4, abs=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("kind", "period", "name"),
+    [
+        (Kind.EQUILIBRIA, 1, "equilibria around (0.5)"),
+        (Kind.CONTINUUM, 1, "continuum of fixed points around (0.5)"),
+        (Kind.CONTINUUM, 3, "continuum of cycles of period 3 around (0.5)"),
+        (Kind.QUASIPERIODIC, 0, "quasi-periodic"),
+        (Kind.CHAOTIC, 0, "chaotic"),
+    ],
+)
+def test_names_of_attractors(kind, period, name):
+    points, none = np.array([[0.0], [0.5], [1.0]]), np.zeros(1)
+    coordinates = discrete_map(lambda x, p: x, {}, ("x",)).coordinates
+    assert Attractor(kind, period, points, (0,), none.astype(complex), none, coordinates).name == name
