@@ -47,8 +47,9 @@ def label_names(ends: Sequence[str]) -> dict[int, str]:
 
 
 def stored_names(settings: Mapping[str, Any]) -> dict[int, str]:
-    """Return the names of labels that are not attractors, with those of ends in the recipe of a map among settings."""
-    return label_names(settings.get("map", {}).get("end_names", ()))
+    """Return the names of labels among settings: those of ends in the recipe of a map, and those that were given."""
+    given = {int(label): name for label, name in settings.get("names", {}).items()}
+    return label_names(settings.get("map", {}).get("end_names", ())) | given
 
 
 LABELS_OF = np.full(Status.ENDED + MOST_ENDS, Label.UNDECIDED, np.int64)

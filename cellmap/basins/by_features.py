@@ -71,7 +71,7 @@ class FeatureBasins:
     def label_name(self, label: int) -> str:
         """Return the meaning of a label."""
         one_of("label", label, (*range(len(self.representatives)), *LABEL_NAMES))
-        return f"group {label}" if label >= 0 else stored_names(self.settings)[label]
+        return stored_names(self.settings).get(label, f"group {label}")
 
     @property
     def fractions(self) -> dict[int, Fraction]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from .._compiled.kernels.labelling import count_labels
 from .._lib.arrays import Floats, Ints
-from .._lib.checks import affordable_number, one_of
+from .._lib.checks import affordable_number, one_of, shown
 from .._lib.randomness import Rng
 from .._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Keyed, Layout, ShownAsHtml
 from .._lib.signatures import checked
@@ -123,6 +124,38 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
     def label_name(self, label: int) -> str:
         """Return the meaning of a label."""
         return self._meanings[one_of("label", label, tuple(self._meanings))]
+
+    @checked
+    def named(self, names: Mapping[int, str]) -> Basins:
+        """Return the same basins with names for some of their labels, which figures, tables and files take over.
+
+        Parameters
+        ----------
+        names : mapping of int to str
+            Names of labels; those that are not in it keep theirs, and an empty name takes a given one away.
+
+        Raises
+        ------
+        ValueError
+            For a label that these basins do not have, or a name that another label has.
+
+        Examples
+        --------
+        >>> from cellmap import discrete_map, find_basins
+        >>> cubic = discrete_map(lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",))
+        >>> find_basins(cubic, [[-0.5], [0.3], [0.4]]).named({0: "right", 1: "left"})
+        Basins(<lambda>, 3 initial conditions: right 66.67 %; left 33.33 %)
+        """
+        if not (isinstance(names, Mapping) and all(isinstance(name, str) for name in names.values())):
+            raise TypeError(f"names={shown(names)}: give a mapping of labels to texts, such as {{0: 'upright'}}")
+        given = {one_of("names", k, tuple(self._meanings)): name for k, name in names.items()}
+        known = {int(k): name for k, name in self.settings.get("names", {}).items()} | given
+        kept = {str(k): name for k, name in known.items() if name}
+        basins = replace(self, settings={**self.settings, "names": kept})
+        for name, times in Counter(basins._meanings.values()).items():
+            if times > 1:
+                raise ValueError(f"names={names!r}: {name!r} would name {times} labels; give each a name of its own")
+        return basins
 
     @property
     def fractions(self) -> dict[int, Fraction]:

@@ -17,7 +17,7 @@ from ..attractors.matching import attractor_distance
 from ..maps.coordinates import Coordinate, difference, wrap
 from ..maps.point_map import PointMap
 from ..maps.stroboscopic import Stroboscopic
-from ..orbits.attractor import Attractor, distinct_names
+from ..orbits.attractor import Attractor
 from .initial_conditions import InitialConditions
 from .record import Basins
 
@@ -240,7 +240,7 @@ def _grouped(basins: Basins, symmetries: Mapping[str, Symmetry], extent: Floats)
     counts = {k: f.count for k, f in basins.fractions.items()}
     members = [tuple(np.flatnonzero(group == g).tolist()) for g in np.unique(group)]
     members.sort(key=lambda labels: (-sum(counts[k] for k in labels), labels))
-    total, names = basins.labels.size, distinct_names(attractors)
+    total, names = basins.labels.size, [basins.label_name(k) for k in range(len(attractors))]
     mean = np.array([sum(counts[k] for k in labels) for labels in members], float) / total
     return SymmetricGroups(
         tuple(symmetries),

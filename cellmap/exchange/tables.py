@@ -95,6 +95,7 @@ def columns_of(result: Any) -> dict[str, Any]:
         fractions = [result.fractions[k] for k in range(len(result.attractors))]
         return {
             **_attractor_columns(result.attractors),
+            "name": [result.label_name(k) for k in range(len(result.attractors))],
             "fraction": np.array([s.fraction for s in fractions]),
             "standard_error": np.array([s.standard_error for s in fractions]),
             "count": np.array([s.count for s in fractions], np.int64),

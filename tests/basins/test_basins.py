@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,9 +20,12 @@ from cellmap import (
     find_attractors,
     find_basins,
     interpolated_map,
+    load_basins,
+    save_basins,
     stroboscopic_map,
 )
 from cellmap.basins.label_store import basins_memory
+from cellmap.exchange import from_xarray
 from cellmap.maps import ToleranceWarning
 from cellmap.maps.coordinates import difference
 
@@ -212,3 +216,18 @@ def test_right_hand_sides_of_methods(method, stages):
     assert cost.evaluations % stages == 0
     assert cost.evaluations > 4 * stages * cost.steps
     assert cost.look_ups == cost.tabulation == 0
+
+
+def test_names_of_labels(tmp_path: Path) -> None:
+    """Names given to labels and those of ends follow one rule, in fractions, files, tables and statistics."""
+    cubic = discrete_map(
+        lambda x, p: (1.5 * x[0] - 0.5 * x[0] ** 3,), {}, ("x",), ends={"out": lambda x, p: x[0] - 1.7}
+    )
+    basins = find_basins(cubic, [[-0.5], [0.3], [0.4], [2.3]]).named({0: "right"}).named({1: "left", -8: "lost"})
+    save_basins(basins, tmp_path / "named.h5")
+    for same in (basins, load_basins(tmp_path / "named.h5"), from_xarray(basins.to_xarray())):
+        assert "right 50 %; left 25 %; lost 25 %" in repr(same)
+        assert same.to_dataframe()["name"].tolist() == ["right", "left"]
+    assert basins.named({1: ""}).label_name(1) == "fixed point (-1)"
+    with pytest.raises(ValueError, match="'right' would name 2 labels"):
+        basins.named({1: "right"})

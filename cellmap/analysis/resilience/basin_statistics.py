@@ -316,7 +316,7 @@ def settling_statistics(
     """
     wanted = tuple(finite_number("levels", p, at_least=0.0, at_most=1.0) for p in levels)
     if isinstance(source, Basins):
-        names = dict(enumerate(distinct_names(source.attractors)))
+        names = {k: source.label_name(k) for k in range(len(source.attractors))}
     else:
         names = {k: name for k, name in source.names.items() if k >= 0}
     labels, times = source.labels.ravel(), source.settling_time.ravel()

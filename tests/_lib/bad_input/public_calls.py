@@ -68,7 +68,7 @@ GIVEN: dict[str, Any] = {
     **{"equilibrium": (0.0, 0.0), "depth": 4, "kind": "unstable", "t": 0.3, "cells": (0.5, 1.5)},
     **{"keys": np.array([1, 2]), "mask": np.arange(32) % 2 == 0, "place": 1, "confidence": 0.9, "accuracy": 1e-3},
     **{"order": 2, "lengths": (0.03, 0.04), "masses": (1.0, 2.0), "near": 0.0, "lower": 1.3, "upper": 2.2},
-    **{"region": small.WINDOW, "part": systems.Gravity(9.8), "units": systems.Units(length=2.0)},
+    **{"region": small.WINDOW, "part": systems.Gravity(9.8), "units": systems.Units(length=2.0), "names": {0: "first"}},
 }
 """Values of arguments by their names, where the type says too little."""
 
