@@ -24,7 +24,6 @@ _GOOD = 1e-6  # invariance error that needs no further attempt,
 _SUFFICIENT = 1e-3  # and the largest one that is accepted
 _PEAKS = 10  # lines of the spectrum that the two frequencies have to explain
 _APART = 16.0  # least distance of two lines, in units of one over the number of points
-_UNSURE = 0.1  # error of the strongest line, in units of one over the number of points, of a spectrum without lines
 _WEAK = 1e-3  # strength of a line, relative to the strongest, below which it is left unexplained
 _ORDERS = 12  # of combinations that explain them
 _SAME = 1e-5  # distance of a line from its combination
@@ -136,7 +135,7 @@ def _lines(signals: Complexes) -> tuple[Floats, Floats]:
             break
         signal = centred[:, int(strength[peak].argmax())]
         frequency, error = frequency_beside(signal, peak / number)
-        if not lines and error > _UNSURE / number:
+        if not lines and error > _SAME:  # a spectrum without lines
             break
         known = np.array([*lines, 0.0])
         near = np.minimum(*(np.abs((known - sign * frequency + 0.5) % 1.0 - 0.5) for sign in (1, -1)))

@@ -57,7 +57,7 @@ def test_basins_of_a_torus_and_files(tmp_path):
     assert (basins.labels == 0).all()
     assert attractor.kind is Kind.QUASIPERIODIC and attractor.verified
     assert attractor.torus.invariance_error < 1e-6
-    assert len(np.unique(attractor.points[:, :2].round(6), axis=0)) == 24 * 24  # all of it is shown
+    assert len(np.unique(attractor.points[:, :2].round(6), axis=0)) == 22 * 22  # all of it is shown
     assert attractor.exponents == pytest.approx([0.0, 0.0, np.log(0.5)], abs=2e-3)
     assert attractor.name.startswith("quasi-periodic, rotation vector (0.")
     save_basins(basins, tmp_path / "torus.h5")

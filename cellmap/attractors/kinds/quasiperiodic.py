@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isqrt
 
 import numpy as np
 
 from ..._lib.arrays import Floats
-from ..._lib.stopping import check_stop
 from ...maps.orbit_batch import Orbits
-from ...maps.paths import path_of
+from ...maps.paths import moved_on, path_of
 from ...maps.point_map import PointMap
 from ...maps.tangent import tangent
 from ...orbits.attractor import Attractor, Kind, aperiodic
@@ -39,9 +39,7 @@ from .recurrence import recurrent_attractors
 _ORBITS = 4  # tried in one look
 _EXPONENT_PERIODS = 500
 _VOLUME_PERIODS = 128
-_AT_ONCE = 256  # periods of one orbit between looks whether the end was asked for
 _SAMPLE = 512  # points of an attractor that are kept
-_SAMPLED_PHASES = 24  # of a torus, in each of its phases
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +87,7 @@ def quasiperiodic_attractors(
         if not len(left):
             break
         before = Orbits.starting(left[len(left) // 2][None].copy())
-        for begin in range(0, age, _AT_ONCE):
-            check_stop()
-            exact.advance(before, min(_AT_ONCE, age - begin))
+        moved_on(exact, before, age)
         left = np.delete(left, len(left) // 2, axis=0)
         attractors = [*known, *found.attractors]
         if not before.alive.all() or not len(_outside(before.points, attractors, exact)):
@@ -169,7 +165,7 @@ def _on_torus(exact: PointMap, state: Floats, extent: Floats, most: int) -> Attr
     torus = fitted_torus(exact, state)
     if torus is None:
         return None
-    phases = np.stack(np.meshgrid(*2 * [np.arange(_SAMPLED_PHASES) / _SAMPLED_PHASES]), axis=-1).reshape(-1, 2)
+    phases = np.stack(np.meshgrid(*2 * [np.linspace(0.0, 1.0, isqrt(_SAMPLE), endpoint=False)]), axis=-1).reshape(-1, 2)
     points = torus.points(phases, exact.coordinates)
     dense = DenseTorus(exact, torus, _size(points[None], exact, extent))
     tube = verified_tube(dense, np.maximum(extent, dense.size), 10.0 * torus.invariance_error, most)

@@ -47,7 +47,6 @@ _MOST_BOXES = 2**20
 _CELLS = 256  # points of a torus in each phase, between which it is a paraboloid
 _REACH = 2.0  # cells of this grid, at most, between a point and the nearest one on the torus
 _TORUS_SEEN = 24  # points of each surface in each phase
-_LOOKED_AT = 256  # points of a curve that show how far it is from where they come
 _PIECES = 16  # of a curve, before they are halved where it bends
 _ACROSS_TUBE = 0.7  # semi-axis of an ellipsoid across a tube, in units of its radius
 _WELL_INSIDE = 0.6  # square of the distance of a piece from the centre of its ellipsoid, in units of its axes
@@ -282,7 +281,7 @@ def verified_tube(
 
 def floor_of(curves: Curves, steps: int = 1) -> float:
     """Return how far points of curves, which are straight between their points, are from them after some steps."""
-    points = curves.points[:, evenly(curves.points.shape[1], _LOOKED_AT)]
+    points = curves.points[:, evenly(curves.points.shape[1], DENSE)]
     orbits = Orbits.starting(points.reshape(-1, points.shape[-1]))
     moved_on(curves.exact, orbits, steps)
     return float(curves.distances(orbits.points).max())
