@@ -203,6 +203,7 @@ def search(
     age, time_limit, wandering, untrapped = 0, _FIRST_LOOK, False, False
     past = far_bound(point_map, states)
     while len(orbits):
+        examined.so_far = attractors, labels, times
         before = len(orbits)
         catalogue, periods = Catalogue.of(attractors, point_map), min(time_limit, max_periods - age)
         settled = settle_on_threads(point_map, orbits, catalogue, periods, age, stop, examined.bound)
@@ -220,6 +221,7 @@ def search(
                 point_map, orbits, attractors, longest_period, extent, age, examined, not last, last, wandering
             )
             labels[rows], times[rows] = owners, np.where(owners >= 0, age, -1)
+            examined.so_far = attractors, labels, times
             rows = rows[owners == Label.UNDECIDED]
             if wandering and not known_to_wander and len(rows) >= FEWEST:
                 late = _late(point_map, states, labels, times, attractors)
@@ -385,7 +387,8 @@ def _verified(point_map: PointMap, orbit: Attractor, examined: Examined) -> list
     if neighbourhood is None:
         examined.refuse(orbit.points)
         return []
-    return [replace(orbit, neighbourhood=neighbourhood)]
+    examined.verified.append(replace(orbit, neighbourhood=neighbourhood))
+    return examined.verified[-1:]
 
 
 def curves_and_cycles(

@@ -102,9 +102,9 @@ def find_basins(
         it, with the same result.  At the end the file is one of basins, for :func:`load_basins`, and repeating the call
         reads it.  Labels are kept in the file, so that they need not fit into memory.
     max_seconds : float, optional
-        Time after which the call ends with what is decided by then: other initial conditions are labelled -5
-        (unlabelled).  Compiled loops that are under way are not interrupted, so that the call may last somewhat longer.
-        With a checkpoint the same call goes on from there.
+        Time after which the call ends with what is decided by then: attractors found so far, and labels; other initial
+        conditions are labelled -5 (unlabelled).  Compiled loops that are under way are not interrupted, so that the
+        call may last somewhat longer.  With a checkpoint the same call goes on from there.
     label_rtol : float, optional
         Relative tolerance of labels, larger than that of the map, whose absolute tolerance grows with it.  Attractors
         are those of the map, from 1024 initial conditions.  These are labelled by both, and at last an audit labels as

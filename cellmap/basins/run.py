@@ -58,7 +58,8 @@ class Run:
     ``order``: the tiles of the first sweep, in groups of which the ``first`` ones are labelled before
     the search for attractors, where some are known; ``now``: the present sweep, or the last; ``reasons``: why some of
     those that it leaves are undecided; ``complete``: whether nothing is left to do; ``spent``: seconds of iteration;
-    ``searching``: whether attractors are searched for that are not known.
+    ``searching``: whether attractors are searched for that are not known; ``searched``: attractors, labels and times
+    of the sample where the call ended in the search.
     """
 
     point_map: PointMap
@@ -77,6 +78,7 @@ class Run:
     spent: list[float] = field(default_factory=list)
     quotient: Quotient | None = None
     searching: bool = True
+    searched: tuple[tuple[Attractor, ...], Ints, Ints] | None = None
 
     def to_the_end(self, known: Sequence[Attractor]) -> None:
         """Label all initial conditions."""
@@ -109,15 +111,22 @@ class Run:
                 ToleranceWarning,
             )
         store = self.store if self.complete else self.store.cut_short(self.now)
-        found = () if self.now is None else self.now.attractors
+        found, stage = () if self.now is None else self.now.attractors, "while initial conditions were labelled"
+        if self.searched is not None:
+            found, labels, times = self.searched
+            rows = _sample_of(total)
+            store.labels[rows], store.times[rows] = np.where(labels == Label.UNDECIDED, Label.UNLABELLED, labels), times
+            stage = f"in the search for attractors, with {len(found)} found"
         attractors, joined = joined_continua(self.point_map, found)
-        # Attractors in their order, without those that no initial condition ends on; labels get their new numbers.
-        used = sorted(set(joined[store.used(len(found))].tolist()), key=lambda k: sort_key(attractors[k]))
+        # Attractors in their order, without those that no initial condition ends on, once labels are complete for a
+        # sample at least; labels get their new numbers.
+        ended = store.used(len(found)) if self.searched is None else np.arange(len(found))
+        used = sorted(set(joined[ended].tolist()), key=lambda k: sort_key(attractors[k]))
         if not self.complete:
             left = int(np.count_nonzero(store.labels == Label.UNLABELLED))
             warn_caller(
-                f"{left:,} of {total:,} initial conditions are unlabelled: the call ended before; allow more time with "
-                "max_seconds, or give a checkpoint, from which the same call goes on"
+                f"{left:,} of {total:,} initial conditions are unlabelled: the call ended {stage}; allow more time "
+                "with max_seconds, or give a checkpoint, from which the same call goes on"
             )
         basins = replace(self.described(settings, seconds), attractors=tuple(attractors[k] for k in used))
         return replace(store.finish(basins, new_numbers(used, joined)), point_map=self.point_map)
@@ -155,8 +164,7 @@ class Run:
             return
         known = list(with_full_residence(given))  # what other orbits have shown says nothing of these
         total = len(self.initial_conditions)
-        few = np.arange(total) if total <= _SAMPLE else np.random.default_rng(0).choice(total, _SAMPLE, replace=False)
-        chosen = self.initial_conditions.wrapped(np.sort(few), self.point_map)
+        chosen = self.initial_conditions.wrapped(_sample_of(total), self.point_map)
         grid, self.quotient = self.initial_conditions.grid, quotient_of(self.point_map, chosen)
         corners = chosen if grid is None or self.quotient is not None else self.initial_conditions.region
         searched = self._in_quotient(known)[0]
@@ -241,15 +249,22 @@ class Run:
             fresh = Examined.nothing_yet(point_map, own)
             examined = replace(fresh, ways=whole.ways, images=whole.images, bound=whole.bound)
         periods = self.max_periods if to_the_end else min(_PATIENCE, self.max_periods)
-        with heeding(self.stop):
-            found = search(
-                point_map, chosen, given, periods, self.longest_period, own, examined, self.stop, self.max_periods
-            )
-            whole.bound = examined.bound
-            if not to_the_end or not len(found.orbits):
-                return self._all(known, found.attractors)
-            strange = found.examined(point_map, chosen, own).attractors
-            return self._all(known, [*found.attractors, *strange])
+        try:
+            with heeding(self.stop):
+                found = search(
+                    point_map, chosen, given, periods, self.longest_period, own, examined, self.stop, self.max_periods
+                )
+                whole.bound = examined.bound
+                if not to_the_end or not len(found.orbits):
+                    return self._all(known, found.attractors)
+                strange = found.examined(point_map, chosen, own).attractors
+                return self._all(known, [*found.attractors, *strange])
+        except Stopped:
+            if examined.so_far is not None:
+                attractors, labels, times = examined.so_far
+                attractors = attractors + [a for a in examined.verified if all(a is not b for b in attractors)]
+                self.searched = self._all(known, attractors), labels, times
+            raise
 
     def _observed(self, attractors: tuple[Attractor, ...], before: int) -> tuple[Attractor, ...]:
         """Return attractors, the chaotic ones with the periods that make a resident, where many are to be labelled.
@@ -427,3 +442,9 @@ def _why_inaccurate(point_map: PointMap) -> str:
     """Return the reason that the map knows, if it does."""
     unknown = point_map.without_table.unknown_formulas
     return f", for kinks are not located where formulas are unknown ({unknown})" if unknown else ""
+
+
+def _sample_of(total: int) -> Ints:
+    """Return which initial conditions the first search begins with."""
+    few = np.arange(total) if total <= _SAMPLE else np.random.default_rng(0).choice(total, _SAMPLE, replace=False)
+    return np.sort(few)

@@ -24,6 +24,9 @@ from cellmap import (
     save_basins,
     stroboscopic_map,
 )
+from cellmap._lib.stopping import Stop
+from cellmap.attractors import search
+from cellmap.basins import finding
 from cellmap.basins.label_store import basins_memory
 from cellmap.exchange import from_xarray
 from cellmap.maps import ToleranceWarning
@@ -231,3 +234,27 @@ def test_names_of_labels(tmp_path: Path) -> None:
     assert basins.named({1: ""}).label_name(1) == "fixed point (-1)"
     with pytest.raises(ValueError, match="'right' would name 2 labels"):
         basins.named({1: "right"})
+
+
+def test_a_search_that_ends_early_keeps_what_it_has_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Labels decided until then are those of the whole call."""
+    doubled = discrete_map(lambda x, p: (1.002 * x[0] - 0.002 * x[0] ** 3,), {}, ("x",))
+    grid = CellGrid((-1.5,), (1.5,), (300,))
+    whole, late = find_basins(doubled, grid), []
+
+    class Late(Stop):
+        requested = property(lambda _: bool(late))
+
+    def many_settle(before: int, left: int) -> bool:
+        late.extend([True] * (0 < left < before))
+        return 2 * left <= before
+
+    monkeypatch.setattr(finding, "Stop", Late)
+    monkeypatch.setattr(search, "_many_settle", many_settle)
+    with pytest.warns(UserWarning, match="unlabelled: the call ended in the search for attractors, with 2 found"):
+        found = find_basins(doubled, grid)
+    decided = found.labels >= 0
+    assert len(found.attractors) == 2
+    assert 0 < decided.sum() < decided.size
+    assert (found.labels[decided] == whole.labels[decided]).all()
+    assert (found.labels[~decided] == Label.UNLABELLED).all()

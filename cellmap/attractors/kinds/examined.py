@@ -10,6 +10,7 @@ import numpy as np
 from ..._lib.arrays import Bools, Floats, Ints, evenly
 from ...maps.coordinates import Coordinate, difference
 from ...maps.point_map import PointMap
+from ...orbits.attractor import Attractor
 from ...orbits.newton import newton, resolution, return_distances
 from ..regions.extents import extent_of_motion, region_extent, ways_of
 from ..regions.tube import SAMPLED
@@ -43,7 +44,8 @@ class Examined:
     ``distances``: how close the ends of the last look have come back to themselves, by their bits; ``lines``: points of
     segments of periodic points that do not attract; ``ways``: how far orbits go; ``bound``: beyond which
     orbits were seen to escape; ``images``: images of the map that Newton's method, regions of attractors and looks for
-    curves may still take in more than four dimensions.
+    curves may still take in more than four dimensions; ``so_far``: attractors, labels and times of a search that goes
+    on; ``verified``: periodic attractors since its beginning.
     """
 
     coordinates: tuple[Coordinate, ...]
@@ -55,6 +57,8 @@ class Examined:
     ways: Floats | None = None
     bound: Floats | None = None
     images: float = np.inf
+    so_far: tuple[list[Attractor], Ints, Ints] | None = None
+    verified: list[Attractor] = field(default_factory=list)
 
     @classmethod
     def nothing_yet(cls, point_map: PointMap, extent: Floats) -> Examined:
