@@ -18,7 +18,6 @@ from tqdm import tqdm
 from .._lib.checks import finite_number, known_parameter, monotone_values, text
 from .._lib.files import as_target, write_whole
 from .._lib.signatures import checked
-from ..attractors.labels import LABEL_NAMES
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..maps.system import ForcedSystem
@@ -56,7 +55,7 @@ def file_of_family(explored: Explored, parameters: Sequence[str], stills: Sequen
         "title": title,
         "parameters": [{"name": name, "values": values[name]} for name in parameters],
         "view": {name: getattr(first, name) for name in View.__dataclass_fields__},
-        "codes": {name: code for code, name in LABEL_NAMES.items()},
+        "codes": described(explored)["codes"],
         "lowest": LOWEST,
         "pixels": kind,
         "shape": codes.shape,

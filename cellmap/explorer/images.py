@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from .._lib.arrays import Floats
 from .._lib.computed import computed_once
 from .._lib.stopping import check_stop
-from ..attractors.labels import LABEL_NAMES
+from ..attractors.labels import label_names, stored_names
 from ..basins.live import LiveBasins, LiveFrame
 from ..basins.record import label_counts
 from ..basins.refining import refine_basins
@@ -120,6 +120,7 @@ def described(explored: Explored) -> dict[str, Any]:
         "about": explored.about,
         "equations": equations(system),
         "units": dict(explored.units),
+        "codes": {name: code for code, name in label_names(tuple(system.ends)).items()},
         "forced": isinstance(system, ForcedSystem),
         "coordinates": [
             {"name": c.name, "symbol": symbol(c.name), "unit": c.unit, "period": c.period} for c in explored.coordinates
@@ -155,7 +156,7 @@ def basin_image(view: View, frame: LiveFrame) -> tuple[dict[str, Any], bytes]:
     height, width = view.raster(frame.basins.labels).shape
     attractors = dict(sorted(frame.attractors.items()))
     counts = label_counts(raster.ravel(), max(attractors, default=0) + 1)
-    names = distinct_names(tuple(attractors.values()))
+    names, others = distinct_names(tuple(attractors.values())), stored_names(frame.basins.settings)
     return {
         "width": width,
         "height": height,
@@ -170,7 +171,7 @@ def basin_image(view: View, frame: LiveFrame) -> tuple[dict[str, Any], bytes]:
             {**_attractor(a, name), "identity": k, "fraction": counts[k - LOWEST] / raster.size}
             for (k, a), name in zip(attractors.items(), names, strict=True)
         ],
-        "others": {name: counts[k - LOWEST] / raster.size for k, name in LABEL_NAMES.items() if counts[k - LOWEST]},
+        "others": {name: counts[k - LOWEST] / raster.size for k, name in others.items() if counts[k - LOWEST]},
         "undecided": dict(frame.basins.undecided) if frame.complete else {},
         "inaccurate": frame.basins.inaccurate,
     }, data

@@ -14,7 +14,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from .._lib.arrays import Floats
 from .._lib.checks import shown, text, whole_number
 from .._lib.stopping import Stop, Stopped, heeding
-from ..attractors.labels import LABEL_NAMES
 from .accuracy import TOLERANCES
 from .equations import typed_system
 from .explored import Explored, ExploredScene, explored_of
@@ -61,9 +60,8 @@ class _Wanted:
         """Return what watchers are told of one of the images."""
         view, explored = self.views[number], self.images.explored
         facts = {name: getattr(view, name) for name in View.__dataclass_fields__}
-        codes = {name: code for code, name in LABEL_NAMES.items()}
         said = {"view": facts, "system": self.images.described, "title": explored.title, "caption": self.caption}
-        return {**said, "codes": codes, "lowest": LOWEST}
+        return {**said, "codes": self.images.described["codes"], "lowest": LOWEST}
 
     def give_up(self) -> None:
         """End it, at once for the page; its thread may be compiling, and ends later."""
@@ -132,7 +130,6 @@ class Session:
                 "schema": SCHEMA,
                 "lowest": LOWEST,
                 "tolerances": TOLERANCES,
-                "codes": {name: code for code, name in LABEL_NAMES.items()},
                 "systems": [listed(e) for e in self._gallery.values()],
                 "views": self._views,
                 "system": self._images.described,

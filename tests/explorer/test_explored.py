@@ -12,10 +12,11 @@ import pytest
 from matplotlib.colors import to_rgb
 
 import systems
-from cellmap import ForcedSystem, PointMap, stroboscopic_map
+from cellmap import CellGrid, ForcedSystem, PointMap, discrete_map, stroboscopic_map
 from cellmap.explorer import Explored, ExploredScene
 from cellmap.explorer.equations import typed_system
 from cellmap.explorer.explored import explored_of, load_gallery
+from cellmap.explorer.images import Images, basin_image, described
 from cellmap.explorer.mathematics import equations, named
 from cellmap.explorer.protocol import LOWEST, pixels
 from cellmap.explorer.server import PAGE
@@ -178,3 +179,14 @@ def test_names_sums_and_branches() -> None:
     assert "<mtext>if</mtext>" in line[1]
     assert "<mo>&gt;</mo>" in line[1]
     assert equations(stroboscopic_map(two_well_duffing())) is None
+
+
+def test_ends_have_their_names_in_images() -> None:
+    """x' = 3/2 x leaves the window for the end "over": all beyond the unstable point at 0 do."""
+    grown = discrete_map(lambda x, p: (1.5 * x[0], 0.5 * x[1]), {}, ("x", "y"), ends={"over": lambda x, p: x[0] - 2})
+    explored = Explored("ending", lambda: grown, CellGrid((-1, -1), (1, 1), (16, 16)))
+    view, images = View.first(explored), Images(explored)
+    *_, last = images.frames(view)
+    told, _ = basin_image(view, last)
+    assert told["others"]["over"] == pytest.approx(0.5)
+    assert described(explored)["codes"]["over"] == -8

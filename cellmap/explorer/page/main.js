@@ -61,7 +61,6 @@ const live = new Live(state, connection, {
 });
 
 async function greeted(message) {
-  live.codes = message.codes;
   tolerances = message.tolerances;
   live.picture ??= new Picture($("image"), message.lowest);
   sweep.lowest = message.lowest;
@@ -101,6 +100,7 @@ function open(asked, shownAt) {
 
 function use(system, text, { view = null, anchors = [] }) {
   live.begin();
+  live.codes = system.codes;
   Object.assign(state, { system, name: system.name, text, parts: system.scene?.parts ?? null });
   Object.assign(state, { view: fitting(view ?? {}, system), anchors: fittingAnchors(anchors, system) });
   state.fit = system.fits && (!view?.cells || view.cells[0] === screenCells());

@@ -16,6 +16,7 @@ async function arrived(message) {
   const data = new Uint8Array(await new Response(stream).arrayBuffer());
   if (number !== newest) return;
   viewer ??= new Viewer(message.codes, message.lowest);
+  viewer.codes = message.codes;
   viewer.show({ ...message, data }, message.view, message.system);
   $("title").textContent = document.title = message.title;
   $("sentence").textContent = message.caption;
