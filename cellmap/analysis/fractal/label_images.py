@@ -15,7 +15,7 @@ from ..._compiled.kernels.boxes import mixed_boxes
 from ..._lib.arrays import Bools, Floats, Ints
 from ..._lib.checks import whole_number
 from ..._lib.threads import run_over, slices
-from ...attractors.labels import LABEL_NAMES
+from ...attractors.labels import LABEL_NAMES, Label
 from ...basins.record import Basins
 
 _FEW = 64  # labels that are looked for one by one
@@ -82,8 +82,8 @@ def label_image(
     Parameters
     ----------
     source : Basins or array_like of int
-        Basins on a grid, or labels of cells in any number of dimensions.  Negative labels are no basins; in arrays of
-        floats NaN, and in masked arrays what is masked, is missing, which is no basin either.
+        Basins on a grid, or labels of cells in any number of dimensions.  Negative labels are no basins, but for
+        those of ends; in arrays of floats NaN, and in masked arrays what is masked, is missing: no basin either.
     include : sequence of int, optional
         Negative labels that count as basins all the same, such as (-2,) for divergent orbits.
     wraps : sequence of bool, optional
@@ -157,12 +157,12 @@ def label_image(
 
 
 def included_labels(include: Sequence[int]) -> tuple[int, ...]:
-    """Check which negative labels count as basins."""
+    """Check which negative labels count as basins, and return them with those of ends, which always do."""
     counted = tuple(include) if not isinstance(include, int | np.integer) else (int(include),)
     for label in counted:
         if whole_number("include", label, at_least=min(LABEL_NAMES)) >= 0:
             raise ValueError(f"include={label!r}: give negative labels, among {sorted(LABEL_NAMES)}")
-    return counted
+    return (*counted, *(label for label in LABEL_NAMES if label <= Label.ENDED))
 
 
 def _whole(source: ArrayLike, name: str) -> tuple[NDArray[np.integer], Bools | None]:

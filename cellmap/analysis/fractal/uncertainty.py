@@ -126,7 +126,8 @@ def uncertainty_exponent(
     min_uncertain = whole_number("min_uncertain", min_uncertain, at_least=1)
     seed = random_seed(rng)
     states = final_states(source, region, attractors, outcome, max_periods)
-    if outcome is None and len(states.attractors) + len(counted) == 1:
+    others = sum(label > Label.ENDED - len(states.point_map.ends) for label in counted)
+    if outcome is None and len(states.attractors) + others == 1:
         max_pairs = _FIRST  # no pair can be uncertain
     floor = smallest_distance(states)
     wanted = None if distances is None else _decreasing(distances, floor)

@@ -133,11 +133,17 @@ def test_undecided_initial_conditions_spoil_a_distance():
 
 
 def test_one_basin_has_no_boundary_and_costs_nothing():
-    """Of one attractor no pair can be uncertain; with orbits that diverge as a second state all pairs are drawn."""
-    half = discrete_map(lambda x, p: (x[0] / 2 + 4 * x[0] ** 3, x[1] / 2), {}, ("x", "y"))
+    """Of one attractor no pair can be uncertain; with orbits that diverge, or end, as a second state all are drawn."""
+
+    def step(x, p):
+        return x[0] / 2 + 4 * x[0] ** 3, x[1] / 2
+
+    half = discrete_map(step, {}, ("x", "y"))
     alone = uncertainty_exponent(half, UNIT)
     assert (alone.verdict, alone.cost.steps) == ("no boundary", 2 * 4096)
     assert uncertainty_exponent(half, UNIT, include=(-2,), max_pairs=20_000).uncertain.sum() > 100
+    ended = discrete_map(step, {}, ("x", "y"), ends={"out": lambda x, p: abs(x[0]) - 2})
+    assert uncertainty_exponent(ended, UNIT, max_pairs=20_000).uncertain.sum() > 100
 
 
 # --- distances, errors, determinism
