@@ -49,13 +49,13 @@ def file_of_family(explored: Explored, parameters: Sequence[str], stills: Sequen
     kind = "uint8" if codes.max() < 256 else "uint16"
     codes = codes.astype(f"<{np.dtype(kind).str[1:]}")
     codes[1:] ^= codes[:-1].copy()  # neighbouring images differ in few places
-    first = ordered[0].view
+    first, told = ordered[0].view, described(explored)
     facts = {
-        "system": {key: value for key, value in described(explored).items() if key not in ("view", "scene", "name")},
+        "system": {key: value for key, value in told.items() if key not in ("view", "scene", "name")},
         "title": title,
         "parameters": [{"name": name, "values": values[name]} for name in parameters],
         "view": {name: getattr(first, name) for name in View.__dataclass_fields__},
-        "codes": described(explored)["codes"],
+        "codes": told["codes"],
         "lowest": LOWEST,
         "pixels": kind,
         "shape": codes.shape,

@@ -246,11 +246,7 @@ class BranchingGraph(Graph):
         )
 
     def _switch(self, function: Expression, operation: str) -> tuple[int, int]:
-        """Return the number of the switch of an expression, and the factor +-1 between both; make it if need be.
-
-        What changes in steps alone may be zero for a time: the surface is moved off there, to the side that the
-        comparison says.
-        """
+        """Return the number of the switch of an expression, and the factor +-1 between both; make it if need be."""
         counts, turns = operation == "floor", operation == "side" and self._is_input(function)
         forms = [(function, 1)]
         if turns:

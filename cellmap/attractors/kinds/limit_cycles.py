@@ -280,7 +280,7 @@ def _verified(exact: PointMap, spec: Stroboscopic, cycle: _Cycle, extent: Floats
     points = _bent(exact, spec, cycle.period, begin, logs, logs.sizes(begin, exact, extent))
     size = logs.sizes(points, exact, extent)
     curves = Curves(_in_logarithms(spec, cycle.period / _PARTS, logs), logs.of(points)[None], size)
-    tube = verified_tube(curves, size, 10.0 * floor_of(curves, _PARTS), _PARTS * _periods_for(cycle), _PARTS)
+    tube = verified_tube(curves, size, 10.0 * floor_of(curves, _PARTS, _BEGUN), _PARTS * _periods_for(cycle), _PARTS)
     region = None if tube is None else _region(curves, tube, logs)
     if region is None:
         return None

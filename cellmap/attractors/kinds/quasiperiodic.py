@@ -94,15 +94,16 @@ def quasiperiodic_attractors(
             continue
         if creeping(exact, before.points, extent).found[0] or not _may_attract(exact, before, most):
             continue
-        fitted = None
+        attractor, fitted = None, None
         if spec is None:
             fitted, period = fitted_circle(exact, before.points[0], extent, age, slow)
             if period:
                 found.cycles.append((before.points[0], period))
-        curves = None if fitted is None else _curves(fitted.circle, exact, extent)
-        if curves is not None and not _is_new(curves.points[:, :: DENSE // _SAMPLE], attractors, exact):
-            continue
-        attractor = None if fitted is None or curves is None else _on_curves(fitted.circle, curves, extent, most)
+        if fitted is not None:
+            curves = _curves(fitted.circle, exact, extent)
+            if not _is_new(curves.points[:, :: DENSE // _SAMPLE], attractors, exact):
+                continue
+            attractor = _on_curves(fitted.circle, curves, extent, most)
         if attractor is None and exact.dimension > 2 and not len(found.cycles):
             attractor = _on_torus(exact, before.points[0], extent, most)
         if attractor is not None and _is_new(attractor.points, attractors, exact):

@@ -279,9 +279,9 @@ def verified_tube(
     return Tube(radius, steps, factor)
 
 
-def floor_of(curves: Curves, steps: int = 1) -> float:
-    """Return how far points of curves, which are straight between their points, are from them after some steps."""
-    points = curves.points[:, evenly(curves.points.shape[1], DENSE)]
+def floor_of(curves: Curves, steps: int = 1, number: int = DENSE) -> float:
+    """Return how far a number of points of each curve are from the curves, straight in between, after some steps."""
+    points = curves.points[:, evenly(curves.points.shape[1], number)]
     orbits = Orbits.starting(points.reshape(-1, points.shape[-1]))
     moved_on(curves.exact, orbits, steps)
     return float(curves.distances(orbits.points).max())
