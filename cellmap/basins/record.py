@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from .._compiled.kernels.labelling import count_labels
 from .._lib.arrays import Floats, Ints
 from .._lib.checks import affordable_number, one_of, shown
+from .._lib.computed import computed_once
 from .._lib.randomness import Rng
 from .._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Keyed, Layout, ShownAsHtml
 from .._lib.signatures import checked
@@ -115,7 +116,7 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
         parts = "; ".join(f"{self.label_name(k)} {100 * f.fraction:.4g} %" for k, f in self.fractions.items())
         return f"Basins({self.name}, {self.labels.size:,} initial conditions: {parts})"
 
-    @property
+    @computed_once
     def _meanings(self) -> dict[int, str]:
         """Names of all labels that there may be."""
         return dict(enumerate(distinct_names(self.attractors))) | stored_names(self.settings)
