@@ -6,6 +6,7 @@ mutant: the copy gets the code of the mutant and runs the tests that execute it,
 failure.  What runs at import is imported again instead.  Limits are in CPU time, so that they do not depend on the
 load: 3 times that of the tests and 20 s; beyond it a mutant is killed.  The rows of `--work/results.jsonl` are kept:
 what has been run is not run again.  A mutant on which the tool itself failed has no row, and the exit status is 1.
+A `--work` that another run uses is refused.
 Needs the package `coverage`, and Linux.
 """
 
@@ -17,6 +18,7 @@ import gc
 import json
 import os
 import resource
+import runpy
 import shutil
 import signal
 import sys
@@ -280,8 +282,15 @@ def main() -> None:
     parser.add_argument("--root", type=Path, default=ROOT, help="tree of which the mutants are; this one by default")
     given = parser.parse_args()
     tree, results = given.work / "tree", given.work / "results.jsonl"
+    given.work.mkdir(parents=True, exist_ok=True)
+    # By its path: what is imported as cellmap is the copy.
+    locks = runpy.run_path(str(ROOT / "cellmap/_lib/systems.py"))
+    try:
+        locks["lock"](given.work / "in_use")
+    except locks["Locked"] as holder:
+        raise SystemExit(f"--work={given.work}: {holder} uses it; give another folder") from None
     shutil.rmtree(tree, ignore_errors=True)
-    tree.mkdir(parents=True)
+    tree.mkdir()
     for part in (given.root.resolve() / name for name in COPIED.split()):
         if part.exists():
             (shutil.copytree if part.is_dir() else shutil.copy2)(part, tree / part.name)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
+import platform
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from run import OPTIONS
+
+from cellmap._lib.systems import lock, unlock
 
 HERE = Path(__file__).parent
 LIBRARY = """
@@ -50,6 +54,18 @@ def tree(tmp_path: Path) -> Path:
 def test_the_tests_of_this_library_are_collected_with_the_options_of_the_tool() -> None:
     command = [sys.executable, "-m", "pytest", *OPTIONS, "--collect-only", HERE.parent / "size"]
     subprocess.run(command, cwd=HERE.parents[1], check=True, capture_output=True, timeout=100)
+
+
+def test_a_folder_that_another_run_uses_is_refused(tree: Path) -> None:
+    (tree / "work/tree").mkdir(parents=True)
+    locked = lock(tree / "work/in_use")
+    done, killed = judged(tree, LARGER)
+    assert locked is not None
+    unlock(tree / "work/in_use", locked)
+    assert done.returncode == 1
+    assert f"process {os.getpid()} on {platform.node()} uses it" in done.stderr
+    assert (tree / "work/tree").exists()
+    assert not killed
 
 
 def judged(tree: Path, *places: str) -> tuple[subprocess.CompletedProcess[str], dict[tuple[str, str], bool]]:
