@@ -35,14 +35,14 @@ sys.path.insert(0, str(Path(__file__).parent))
 from mutants import Mutant, chosen, mutants_of
 
 ROOT = Path(__file__).parents[2]
-USED = {"_lib": ["_lib", "basins", "attractors", "maps"]}
-"""Rooms whose tests count; elsewhere those of the room itself."""
+USED = {"_lib": ["_lib", "basins", "attractors", "maps"], "plot": ["plot", "_lib/bad_input"]}
+"""Rooms whose tests count; elsewhere those of the room itself.  All figures are looked at where all functions are."""
 OPTIONS = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
 PREPARED = "h5py hypothesis llvmlite.binding matplotlib.pyplot mpmath scipy.integrate sklearn.cluster sympy"
 AT_IMPORT = -1
 COPIED = "cellmap systems studies tests docs pyproject.toml README.md CHANGELOG.md"
-KILLED_AT_IMPORT = {int(pytest.ExitCode.TESTS_FAILED), int(pytest.ExitCode.INTERRUPTED)}
-"""Exit statuses of pytest on a mutant that is imported again: a test failed, or its module could not be imported."""
+KILLED_AT_IMPORT = {pytest.ExitCode.TESTS_FAILED, pytest.ExitCode.INTERRUPTED, pytest.ExitCode.USAGE_ERROR}
+"""Statuses of pytest on a mutant that is imported again: a test failed, its module or its conftest was not imported."""
 TOOL_FAILED = 99
 
 
@@ -312,7 +312,7 @@ def main() -> None:
     mutants = [mutant for mutant in mutants if key_of(vars(mutant)) not in done]
     for room in dict.fromkeys(Path(mutant.path).parts[1] for mutant in mutants):
         used = USED.get(room, [room])
-        recorded = [record(tree, r, given.work / f"{r}.json") for r in used]
+        recorded = [record(tree, r, given.work / f"{r.replace('/', '.')}.json") for r in used]
         found = [(m, *tests_of(m, recorded, given.most)) for m in mutants if Path(m.path).parts[1] == room]
         judge = Judge(tree, results, [(m, tests, seconds) for m, tests, seconds, at_import in found if not at_import])
         log = given.work / "collected.txt"

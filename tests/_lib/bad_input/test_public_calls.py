@@ -2,6 +2,7 @@
 
 import inspect
 import itertools
+import json
 import re
 import signal
 import time
@@ -18,6 +19,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import pytest
+from figures import described
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -33,6 +35,8 @@ from cellmap.maps.tangent import NotDifferentiableError
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
+
+FIGURES = Path(__file__).parents[2] / "reference/figures.json"
 
 LONGEST = 120.0
 """Seconds after which a call counts as one that does not end."""
@@ -202,6 +206,30 @@ def test_good_arguments_are_good_and_a_wrong_first_one_is_refused(name: str) -> 
     none = pytest.raises(ValueError, match="nearest to the roots of unity")  # the wells have no cycle
     with none if name == "TransferOperator.cycle" else nullcontext():
         called(name, good)
+
+
+UNLIKE = {"plot_plan", "plot_chaos_test", "plot_lyapunov_spectrum"}
+"""Figures of measured times, and of orbits that have come to rest but for rounding."""
+
+
+@pytest.mark.parametrize("name", [name for name in TARGETS if name.startswith("plot_") and name not in UNLIKE])
+def test_figures_show_what_they_have_shown(name: str, request: pytest.FixtureRequest) -> None:
+    """As they are, and with each switch turned; those that are meant to differ: `pytest --update-reference` this file.
+
+    Changes of parameters by 1e-13 change no number by 1e-3.
+    """
+    kept = json.loads(FIGURES.read_text(encoding="utf-8"))
+    turned = {p.name: not p.default for p in parameters(name) if isinstance(p.default, bool)}
+    for key, switches in {name: {}, " ".join([name, *turned]): turned}.items():
+        plt.close("all")
+        called(name, good_arguments(name) | switches)
+        found = described()
+        if request.config.getoption("--update-reference"):
+            kept[key] = found
+            lines = ",\n".join(f"{json.dumps(key)}: {json.dumps(kept[key])}" for key in sorted(kept))
+            FIGURES.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
+        assert found.keys() == kept[key].keys()
+        assert not {k: (v, kept[key][k]) for k, v in found.items() if v != pytest.approx(kept[key][k], 1e-3, 1e-4)}
 
 
 def test_ranges_without_end_are_refused_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
