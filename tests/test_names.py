@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 import cellmap
 import systems
@@ -96,6 +97,16 @@ def test_a_name_has_one_meaning():
         found = {f: str(p.annotation) for f, p in arguments() if p.name == name}
         assert found, name
         assert not {f: hint for f, hint in found.items() if not any(a in hint for a in allowed.split("|"))}, name
+
+
+def test_defaults_change_on_purpose(request: pytest.FixtureRequest) -> None:
+    """What a call means without its arguments; `pytest --update-reference` this file after a change."""
+    kept = Path(__file__).parent / "reference/defaults.txt"
+    plain = float | int | str | tuple
+    found = [f"{f}({p.name}={p.default!r})" for f, p in arguments() if isinstance(p.default, plain)]
+    if request.config.getoption("--update-reference"):
+        kept.write_text("\n".join(sorted(found)) + "\n", encoding="utf-8")
+    assert sorted(found) == kept.read_text(encoding="utf-8").splitlines()
 
 
 def test_every_random_function_takes_rng_by_keyword():

@@ -39,6 +39,8 @@ USED = {"_lib": ["_lib", "basins", "attractors", "maps"], "plot": ["plot", "_lib
 """Rooms whose tests count; elsewhere those of the room itself.  All figures are looked at where all functions are."""
 OPTIONS = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
 PREPARED = "h5py hypothesis llvmlite.binding matplotlib.pyplot mpmath scipy.integrate sklearn.cluster sympy"
+DEFAULTS = "tests/test_names.py::test_defaults_change_on_purpose"
+"""What looks at the defaults of all rooms."""
 AT_IMPORT = -1
 COPIED = "cellmap systems studies tests docs pyproject.toml README.md CHANGELOG.md"
 KILLED_AT_IMPORT = {pytest.ExitCode.TESTS_FAILED, pytest.ExitCode.INTERRUPTED, pytest.ExitCode.USAGE_ERROR}
@@ -138,6 +140,8 @@ def tests_of(mutant: Mutant, recorded: list[dict[str, Any]], most: float) -> tup
         if not order or total + found[test] <= most:
             order.append(test)
             total += found[test]
+    if at_import and mutant.function and Path(DEFAULTS.partition("::")[0]).exists():
+        order.append(DEFAULTS)
     return order, total, at_import
 
 
