@@ -278,6 +278,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("rooms", nargs="*", metavar="room=number")
     parser.add_argument("--at", nargs="*", default=[], metavar="path:line", help="run all mutants of these lines")
+    parser.add_argument("--also", nargs="*", default=[], metavar="room", help="further rooms whose tests count")
     parser.add_argument("--constant", action="store_true", help="functions that return a constant, instead of lines")
     parser.add_argument("--most", type=float, default=60.0, metavar="SECONDS", help="of tests for each mutant")
     parser.add_argument("--seed", type=int, default=1)
@@ -315,7 +316,7 @@ def main() -> None:
     done = judged(results)
     mutants = [mutant for mutant in mutants if key_of(vars(mutant)) not in done]
     for room in dict.fromkeys(Path(mutant.path).parts[1] for mutant in mutants):
-        used = USED.get(room, [room])
+        used = list(dict.fromkeys([*USED.get(room, [room]), *given.also]))
         recorded = [record(tree, r, given.work / f"{r.replace('/', '.')}.json") for r in used]
         found = [(m, *tests_of(m, recorded, given.most)) for m in mutants if Path(m.path).parts[1] == room]
         judge = Judge(tree, results, [(m, tests, seconds) for m, tests, seconds, at_import in found if not at_import])
