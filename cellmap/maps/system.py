@@ -33,6 +33,7 @@ from .impacts import REMEDY, Impact, check_ends, in_time, joined, try_impact
 from .misread import PLACES, lacking, trial_state
 from .periodicity import InTime, check_periodic, shortest_period
 from .scipy_signature import with_parameters
+from .sympy_equations import with_sympy
 from .trials import try_right_hand_side
 
 RightHandSide = Callable[..., Sequence[float]]
@@ -197,6 +198,48 @@ class ForcedSystem:
         """
         rhs, parameters = with_parameters(fun, args, params)
         return cls(rhs, parameters, period, coordinates, **further)
+
+    @classmethod
+    def from_sympy(
+        cls, equations: Any, params: Mapping[Any, Any], period: Any, coordinates: Any = None, **further: Any
+    ) -> ForcedSystem:
+        """Return the system of equations of motion that are written with SymPy.
+
+        Parameters
+        ----------
+        equations : list, dict, Matrix, LagrangesMethod or KanesMethod
+            Equations, or expressions that are zero, for as many functions of time, of any order and linear in the
+            highest derivatives.  Or right-hand sides of first-order equations, in the order of `coordinates` or in a
+            dict with symbols or derivatives as keys.  Piecewise, Abs, Max and their like are located as events.
+        params : mapping
+            Values of all other symbols, by their names or by the symbols themselves.
+        period : float, expression or callable
+            Period of the forcing, such as ``2 * sympy.pi / omega``.
+        coordinates : sequence of str or Coordinate, optional
+            State variables in order: names of SymPy, others for derivatives; by default such as theta and theta_dot.
+        **further
+            Other arguments of :class:`ForcedSystem`, such as `ends`.
+
+        Returns
+        -------
+        ForcedSystem
+            The system, whose right-hand side has the formulas.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For what is no system of ordinary differential equations, or has symbols without a value.
+
+        Examples
+        --------
+        >>> import sympy
+        >>> t, delta = sympy.symbols("t delta")
+        >>> q = sympy.Function("q")(t)
+        >>> duffing = sympy.Eq(q.diff(t, 2) + delta * q.diff(t) - q + q**3, 0.2 * sympy.cos(t))
+        >>> ForcedSystem.from_sympy(duffing, {delta: 0.15}, 2 * sympy.pi, ("q", "v"))
+        ForcedSystem(equations: delta=0.15; period 6.28319)
+        """
+        return cls(*with_sympy(equations, params, period, coordinates), **further)
 
     def __repr__(self) -> str:
         values = parameters_in_words(self.params)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import small_systems as small
+import sympy
 
 import cellmap
 import systems
@@ -92,6 +93,12 @@ FEW = {"max_points": 4}
 SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "ForcedSystem": lambda: {"rhs": small.spiral, "params": {"d": 0.2}, "period": 6.0},
     "ForcedSystem.from_scipy": lambda: {"fun": lambda t, y, d: (y[1], -y[0] - d * y[1]), "args": (0.2,), "period": 6.0},
+    "ForcedSystem.from_sympy": lambda: {
+        "equations": [sympy.Symbol("v"), -sympy.Symbol("q")],
+        "params": {},
+        "period": 6.0,
+        "coordinates": ("q", "v"),
+    },
     "Coordinate": lambda: {"name": "theta", "period": 6.0},
     "CellGrid": lambda: {"lower": (0.0, 0.0), "upper": (1.0, 1.0), "shape": (4, 4)},
     "angle": lambda: {"name": "theta"},
