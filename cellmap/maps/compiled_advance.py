@@ -66,7 +66,7 @@ class FlowAdvance(CompiledAdvance):
 
     def take_lost(self) -> list[int]:
         """Return, once, the components that were below their tolerance for some periods and then grew."""
-        lost = self.motion.numbers.lost
+        lost = self.motion.numbers.usual.lost
         found = np.flatnonzero(lost).tolist()
         lost[:] = 0
         return found

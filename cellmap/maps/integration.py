@@ -16,11 +16,12 @@ from .._compiled.codegen.kernel import (
     flow_kernel,
     frame_kernel,
     jet_flow_kernel,
+    stiff_frame_kernel,
     switching_kernel,
 )
-from .._compiled.codegen.methods import LARGE
+from .._compiled.codegen.methods import LARGE, MIXED
 from .._compiled.kernels.blocks import LANES, ROUNDED, wrap_rows
-from .._compiled.kernels.periods import INACCURATE, PROBE, Motion, integrate, sample
+from .._compiled.kernels.periods import INACCURATE, PROBE, Motion, Motions, integrate, sample
 from .._lib.arrays import Bools, Floats, Ints
 from .._lib.computed import computed_once
 from .coordinates import turns_of
@@ -65,7 +66,8 @@ def flow(
     turn, floors = turns_of(system.axes)[1], np.full(system.dimension, atol, dtype=np.float64)
     warn_of_reversals(known)
     chosen = Flow(
-        kernel=_kernel(known, method, rtol),
+        kernel=_kernel(known, "auto" if method == MIXED else method, rtol),
+        stiff=_kernel(known, "Rosenbrock", rtol) if method == MIXED else None,
         parameters=_values(system),
         begin=begin,
         length=length,
@@ -99,13 +101,14 @@ _TRIAL_STEPS = 1024
 _RATES = 3
 _POWERS = 32
 _STABLE = 3.0  # eigenvalue times the size of a step up to which no explicit method is unstable
-_ROSENBROCK_WORK = 3.0  # of a step, in steps of the explicit methods, at least
+_ROSENBROCK_WORK = 3  # of a step, in steps of the explicit methods, at most: 1.1 to 2.1 with 2 to 8 states
+_FEWEST = -0.25  # power of the tolerance: so many steps a method of order 4, as Rosenbrock's estimate, takes or more
 
 
 def _fitting(explicit: Flow, known: Formulas) -> Flow:
-    """Return the flow by an explicit method, or by the method for stiff systems where that is less work.
+    """Return the flow by an explicit method, by the method for stiff systems, or by both, whichever is least work.
 
-    Both are tried on a few initial conditions, the second only where the first would take many steps.
+    They are tried on a few initial conditions, the second and third only where the first would take many steps.
     """
     points = np.random.default_rng(0).normal(scale=1.5, size=(_SAMPLES, known.system.dimension))
     expected = explicit.steps_at(points, _FEW_STEPS)
@@ -117,15 +120,19 @@ def _fitting(explicit: Flow, known: Formulas) -> Flow:
     if known.system.dimension > LARGE and _fastest_rate(known, points) * explicit.length < _STABLE * _FEW_STEPS:
         return explicit  # its steps are not short for the sake of stability
     try:
-        stiff = replace(explicit, kernel=_kernel(known, "Rosenbrock", explicit.rtol))
+        kernel = _kernel(known, "Rosenbrock", explicit.rtol)
     except (UntraceableError, ValueError):
         return explicit
-    missed_stiff, work_stiff = _trial(replace(stiff, max_steps=min(stiff.max_steps, _TRIAL_STEPS)), points)
+    stiff, both = replace(explicit, kernel=kernel), replace(explicit, stiff=kernel)
+    (missed_stiff, steps), tried = (
+        _trial(replace(m, max_steps=min(m.max_steps, _TRIAL_STEPS)), points) for m in (stiff, both)
+    )
+    work = {tried: both, (missed_stiff, _ROSENBROCK_WORK * steps): stiff}
     # More than four times as many steps as would be worth it need not be tried.
-    enough = int(4.0 * _ROSENBROCK_WORK * work_stiff / _SAMPLES)
+    enough = int(4.0 * min(work)[1] / _SAMPLES)
     bound = explicit.max_steps if missed_stiff else min(explicit.max_steps, max(enough, _FEW_STEPS))
-    missed, work = _trial(replace(explicit, max_steps=bound), points)
-    return stiff if (missed_stiff, _ROSENBROCK_WORK * work_stiff) < (missed, work) else explicit
+    work[_trial(replace(explicit, max_steps=bound), points)] = explicit
+    return work[min(work)]
 
 
 def _fastest_rate(known: Formulas, points: Floats) -> float:
@@ -198,16 +205,17 @@ def tangent_flow(
     atol: ArrayLike,
     along: float,
     max_steps: int,
-    stiff: bool = False,
+    method: str = "auto",
 ) -> Flow | None:
     """Return the motion of states with some tangent vectors behind each; None without known derivatives.
 
     States are held to the tolerances of :func:`flow`, and tangent vectors to the tolerance `along` of errors relative
-    to their lengths.  With events, or where the system is stiff, there is one vector, which is held to `rtol`.
+    to their lengths.  With events, or by the method for stiff systems alone, there is one vector, which is held to
+    `rtol`.
     """
     system = known.unchanged()
     names, d = tuple(system.params), system.dimension
-    if known.has_events or known.unknown or stiff:
+    if known.has_events or known.unknown or method == "Rosenbrock":
         kernel = None
         if known.has_events:
             kernel = switching_kernel(system.functions, d, names, rtol, True)
@@ -218,9 +226,11 @@ def tangent_flow(
     if found is None:
         return None
     kernel, vectors = found
+    stiff = stiff_frame_kernel(system.rhs, d, names, rtol, vectors) if method == MIXED else None
     turn, floors = turns_of(system.axes)[1], np.full(d, atol, dtype=np.float64)
     return Flow(
         kernel=kernel,
+        stiff=stiff,
         parameters=_values(system),
         begin=begin,
         length=length,
@@ -251,9 +261,10 @@ def jet_flow(
     names = tuple(system.params)
     if known.has_events or known.unknown:
         return None
-    kernel = jet_flow_kernel(system.rhs, system.dimension, names, tolerance, order, method)
+    methods = ("auto", "Rosenbrock") if method == MIXED else (method,)
+    kernel, *stiff = (jet_flow_kernel(system.rhs, system.dimension, names, tolerance, order, m) for m in methods)
     tolerance *= _FINER if finer else 1.0
-    return _of_derivatives(kernel, known, begin, length, tolerance, max_steps, order)
+    return _of_derivatives(kernel, known, begin, length, tolerance, max_steps, order, stiff=stiff[0] if stiff else None)
 
 
 def _of_derivatives(
@@ -265,6 +276,7 @@ def _of_derivatives(
     steps: int,
     order: int,
     atol: ArrayLike | None = None,
+    stiff: PeriodKernel | None = None,
 ) -> Flow | None:
     """Return the motion of states with derivatives up to an order, all to one tolerance, or states to that of each."""
     if kernel is None:
@@ -273,7 +285,8 @@ def _of_derivatives(
     largest = np.full((order + 1) * d, np.inf)
     fewest = _fewest_steps(known, length, tolerance)
     floors = np.append(np.full(d, tolerance if atol is None else atol), np.full(order * d, tolerance))
-    return Flow(kernel, _values(known.system), begin, length, tolerance, floors, steps, largest, fewest, vectors=order)
+    values = _values(known.system)
+    return Flow(kernel, values, begin, length, tolerance, floors, steps, largest, fewest, vectors=order, stiff=stiff)
 
 
 def _kernel(known: Formulas, method: str, rtol: float) -> PeriodKernel:
@@ -344,7 +357,8 @@ class Flow:
     """The motion of a system over a stretch of time, compiled, with its tolerance.  Call it with orbits.
 
     ``unknown_formulas`` is the reason why the right-hand side is compiled as it is, empty where its formulas are known.
-    ``vectors`` is how many vectors of derivatives are behind each state.
+    ``vectors`` is how many vectors of derivatives are behind each state.  Orbits that no number of steps does for are
+    handed over to ``stiff``, the method for stiff systems, where there is one.
     """
 
     kernel: PeriodKernel
@@ -360,53 +374,69 @@ class Flow:
     checked: float = 0.0
     keeps_zero: Bools | bool = False
     vectors: int = 0
+    stiff: PeriodKernel | None = None
+
+    @property
+    def method(self) -> str:
+        """Name of the method, with which :func:`flow` chooses the same."""
+        return MIXED if self.stiff else self.kernel.method
 
     @computed_once
-    def numbers(self) -> Motion:
+    def numbers(self) -> Motions:
         """The numbers that the integrator takes."""
-        ladder, tolerance = _ladder(self.max_steps), max(self.rtol, float(self.atol.max()))
-        margin = self.kernel.margin(tolerance)
-        climb = (4 if self.kernel.own_steps else 3) * _RUNGS_PER_OCTAVE
-        compared = ((climb if self.kernel.own_steps else _RUNGS_TO_COMPARE) - 0.5) / _RUNGS_PER_OCTAVE
-        context, coarse = self.kernel.advance.context, np.zeros(1, np.int64)
-        if self.kernel.own_steps:
+        if self.stiff is None:
+            return Motions(self._motion(self.kernel, self.max_steps))
+        usual = self._motion(self.kernel, self.max_steps)
+        stiff = self._motion(self.stiff, self.max_steps)
+        fewest = max(self.rtol, float(self.atol.max())) ** _FEWEST
+        unstable = min(int(np.searchsorted(usual.ladder, fewest)), len(usual.ladder) - 1)
+        return Motions(usual._replace(hands_over=1, unstable=unstable), stiff._replace(price=_ROSENBROCK_WORK))
+
+    def _motion(self, kernel: PeriodKernel, max_steps: int) -> Motion:
+        """The numbers that one method takes."""
+        ladder, tolerance = _ladder(max_steps), max(self.rtol, float(self.atol.max()))
+        margin = kernel.margin(tolerance)
+        climb = (4 if kernel.own_steps else 3) * _RUNGS_PER_OCTAVE
+        compared = ((climb if kernel.own_steps else _RUNGS_TO_COMPARE) - 0.5) / _RUNGS_PER_OCTAVE
+        context, coarse, largest = kernel.advance.context, np.zeros(1, np.int64), self.largest
+        if kernel.own_steps:
+            largest = np.where(largest > 0.0, largest, np.inf)  # a vector that is forgotten has no relative error
             longest = self.length / self.fewest_steps  # or a step would pass over a pulse of the forcing
             context, coarse = (
-                np.array(
-                    [f * self.rtol / margin, _OWN_STEPS * steps, longest, *self.largest, *(f * self.atol / margin)]
-                )
-                for f, steps in ((1.0, self.max_steps), (max(1.0, _COARSE / tolerance), _ENOUGH))
+                np.array([f * self.rtol / margin, _OWN_STEPS * steps, longest, *largest, *(f * self.atol / margin)])
+                for f, steps in ((1.0, max_steps), (max(1.0, _COARSE / tolerance), _ENOUGH))
             )
             context, coarse = context.view(np.int64), coarse.view(np.int64)
         return Motion(
-            function=self.kernel.advance.address,
+            function=kernel.advance.address,
             context=context,
             parameters=self.parameters,
             begin=float(self.begin),
             length=float(self.length),
-            largest=self.largest,
+            largest=largest,
             rtol=self.rtol / margin,
             atol=self.atol / margin,
             digit=margin / tolerance,
             ladder=ladder,
-            powers=ladder.astype(float) ** self.kernel.estimate_order,
+            powers=ladder.astype(float) ** kernel.estimate_order,
             lowest=min(int(np.searchsorted(ladder, self.fewest_steps)), len(ladder) - 1),
             probe=int(np.searchsorted(ladder, PROBE)),
             highest_climb=climb,
-            order=self.kernel.estimate_order,
+            order=kernel.estimate_order,
             safety=_SAFETY,
-            trial=self.kernel.trial,
+            trial=kernel.trial,
             checked=self.checked,
-            more=2.0 ** (compared * self.kernel.estimate_order) / _SAFETY,
+            more=2.0 ** (compared * kernel.estimate_order) / _SAFETY,
             agreement=_AGREEMENT / margin * (1.0 if self.checked == 1.0 else min(1.0, tolerance / _CLEAR)),
             floor=np.where(self.keeps_zero, self.atol, 0.0),
-            lost=np.zeros(len(self.largest), np.int64),
+            lost=np.zeros(len(largest), np.int64),
             coarse=coarse,
+            unstable=len(ladder),
         )
 
     def steps_at(self, points: Floats, steps: int) -> float:
         """Return how many steps nine in ten orbits need at most, expected from their errors at a number of steps."""
-        motion, x = self.numbers, in_lanes(points)
+        motion, x = self.numbers.usual, in_lanes(points)
         errors, numbers = np.zeros_like(x), np.full(len(x), steps)
         self.kernel.advance(x, numbers, self.begin, self.length, self.parameters, errors)
         sizes = np.minimum(np.abs(x), self.largest[:, np.newaxis])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._compiled.codegen.kernel import period_enclosure
-from .._compiled.codegen.methods import METHOD_NAMES
+from .._compiled.codegen.methods import METHOD_NAMES, MIXED
 from .._lib.arrays import Floats
 from .._lib.checks import finite_number, is_sequence, one_of, real_array, shown, whole_number
 from .._lib.computed import computed_once
@@ -74,10 +74,12 @@ def stroboscopic_map(
     atol : float, array_like, shape (dimension,), or mapping of str to float, optional
         Absolute tolerance of one period, at least 1e-14; or one for each coordinate, in their order or by name, above
         0, and 1e-9 for those that are not named.  Values of a coordinate below its `atol` have no correct digit.
-    method : {"auto", "DOP853", "RK45", "Taylor", "Rosenbrock"}, optional
+    method : {"auto", "DOP853", "RK45", "Taylor", "Rosenbrock", "mixed"}, optional
         Dormand and Prince's methods of order 8 and 5, a Taylor series whose order follows from the tolerance, or the
-        L-stable Rosenbrock method Rodas5P for stiff systems, with steps of its own for each initial condition; "auto"
-        chooses the cheaper of Taylor and DOP853, or Rosenbrock where a few initial conditions are less work with it.
+        L-stable Rosenbrock method Rodas5P for stiff systems, with steps of its own for each initial condition; "mixed"
+        is the cheaper of Taylor and DOP853, and Rosenbrock for orbits that are stiff in a period.  "auto"
+        chooses the cheaper of Taylor and DOP853, or "mixed" or Rosenbrock where a few initial conditions are less work
+        with these.
     max_steps : int, optional
         Largest number of steps in a period; of Rosenbrock's sixteen times as many.
 
@@ -139,13 +141,19 @@ class Stroboscopic(MapSpec[PointMap]):
 
     @computed_once
     def motion(self) -> Flow:
-        """The compiled flow over one period; its kernel knows the method that "auto" has chosen."""
+        """The compiled flow over one period; it knows the method that "auto" has chosen."""
         s = self.system
         return flow(self.formulas, self.phase * s.length, s.length, self.rtol, self.atol, self.method, self.max_steps)
 
     @property
     def _stiff(self) -> bool:
-        return self.motion.kernel.own_steps
+        """Whether orbits that need the method for stiff systems have it."""
+        return self.motion.method in {MIXED, "Rosenbrock"}
+
+    @property
+    def _of_derivatives(self) -> str:
+        """The method of the motion with derivatives."""
+        return self.motion.method if self._stiff else "auto"
 
     @property
     def is_explicit(self) -> bool:
@@ -157,7 +165,9 @@ class Stroboscopic(MapSpec[PointMap]):
         s, tolerance = self.system, min(self.rtol, _TANGENT_TOLERANCE)
         begin, length = self.phase * s.length, s.length / count
         atol = np.minimum(self.atol, tolerance)
-        return tangent_flow(self.formulas, begin, length, tolerance, atol, tolerance, self.max_steps, self._stiff)
+        return tangent_flow(
+            self.formulas, begin, length, tolerance, atol, tolerance, self.max_steps, self._of_derivatives
+        )
 
     @computed_once
     def _tangent_motion(self) -> Flow | None:
@@ -225,7 +235,7 @@ class Stroboscopic(MapSpec[PointMap]):
 
         The method is that of the map: which one is less work shows at its parameters, and not at any.
         """
-        further, atol, method = with_states(self.formulas.unchanged(), names), self.atol, self.motion.kernel.method
+        further, atol, method = with_states(self.formulas.unchanged(), names), self.atol, self.motion.method
         return (
             None
             if further is None
@@ -236,7 +246,7 @@ class Stroboscopic(MapSpec[PointMap]):
         self, order: int, finer: bool = False, part: tuple[int, int] = (0, 1)
     ) -> Callable[[Orbits], None] | None:
         """Return a step of orbits of (x, x', x'', ...), derivatives along a curve up to an order; None if unknown."""
-        s, method = self.system, "Rosenbrock" if self._stiff else "auto"
+        s, method = self.system, self._of_derivatives
         tolerance, length = min(self.rtol, _TANGENT_TOLERANCE), s.length / part[1]
         begin = self.phase * s.length + part[0] * length
         return jet_flow(self.formulas, begin, length, tolerance, self.max_steps, order, method, finer)
@@ -257,7 +267,7 @@ class Stroboscopic(MapSpec[PointMap]):
     @property
     def recipe(self) -> dict[str, Any]:
         """Plain values for a file."""
-        return {**super().recipe, "method": self.motion.kernel.method, "period": self.system.length}
+        return {**super().recipe, "method": self.motion.method, "period": self.system.length}
 
     @classmethod
     def from_recipe(cls, source: Any, recipe: Mapping[str, Any]) -> Stroboscopic:
@@ -274,7 +284,7 @@ class Stroboscopic(MapSpec[PointMap]):
 
 def method_of(point_map: PointMap) -> str:
     """Return the name of the integration method of a stroboscopic map, the chosen one for "auto"; "" for others."""
-    return point_map.spec.motion.kernel.method if isinstance(point_map.spec, Stroboscopic) else ""
+    return point_map.spec.motion.method if isinstance(point_map.spec, Stroboscopic) else ""
 
 
 def carried(point_map: PointMap, points: Floats, phase: float) -> Floats:
@@ -285,7 +295,7 @@ def carried(point_map: PointMap, points: Floats, phase: float) -> Floats:
     system, ahead = spec.system, (phase - spec.phase) % 1.0
     orbits = Orbits.starting(points.copy())
     if ahead > 0.0:
-        begin, time, method = spec.phase * system.length, ahead * system.length, spec.motion.kernel.method
+        begin, time, method = spec.phase * system.length, ahead * system.length, spec.motion.method
         motion = flow(spec.formulas, begin, time, spec.rtol, spec.atol, method, spec.max_steps)
         FlowAdvance(motion, *turns_of(system.axes))(orbits, 1)
     return orbits.points

@@ -201,7 +201,7 @@ class Sampler:
         spec, count = self.spec, self.samples
         rtol = max(spec.rtol / count, _FINEST)
         atol = np.maximum(np.divide(spec.atol, count), np.minimum(spec.atol, _FINEST))
-        length, method = spec.system.length / count, spec.motion.kernel.method
+        length, method = spec.system.length / count, spec.motion.method
         return flow(spec.formulas, spec.motion.begin, length, rtol, atol, method, spec.max_steps)
 
     def states(self, places: Floats, periods: int, progress: bool = False) -> tuple[Floats, NDArray[np.uint8]]:

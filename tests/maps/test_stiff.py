@@ -1,16 +1,17 @@
 """Stiff systems: the method that "auto" chooses meets the tolerance, without any argument being touched."""
 
-from math import cos, exp, pi
+from math import cos, exp, pi, sin
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
+from scipy.integrate import quad, solve_ivp
 from two_tiers import at_once
 
 from cellmap import ForcedSystem, Status, stroboscopic_map
 from cellmap._compiled.codegen import rosenbrock
-from cellmap.maps import jacobian
+from cellmap.maps import ToleranceWarning, jacobian
+from cellmap.maps.orbit_batch import Orbits
 from cellmap.maps.stroboscopic import method_of
 from tests.reference.stiff import CASES, Case
 
@@ -41,6 +42,45 @@ def test_thin_layers_are_seen(tolerance: float) -> None:
     strobe = stroboscopic_map(system_of(CASES["tanh(1000 v)"]), rtol=tolerance, atol=tolerance)
     assert method_of(strobe) == "Rosenbrock"
     assert (strobe.iterate(np.random.default_rng(0).uniform(-2.0, 2.0, (64, 2)), 1).status == Status.OK).all()
+
+
+def roll(t: float, x: Any, p: Any) -> tuple[float, float]:
+    return x[1], -0.1 * x[1] - 0.05 * x[1] ** 3 - x[0] + x[0] ** 3 + 0.06 * sin(0.85 * t)
+
+
+def test_orbits_that_are_not_stiff_do_not_pay_for_those_that_are() -> None:
+    """Ships that capsize grow by e^20 in a period, damped by their cubed velocity; those that roll are not stiff."""
+    system = ForcedSystem(roll, {}, 2.0 * pi / 0.85, ("y", "v"))
+    mixed, explicit = stroboscopic_map(system), stroboscopic_map(system, method="Taylor")
+    rolling = np.random.default_rng(0).uniform(-0.3, 0.3, (40, 2))
+    capsizing = np.array([[1.15, 0.2], [1.15, 0.9], [-1.1, -0.6], [0.9, 0.8]])
+    assert method_of(mixed) == "mixed"
+    apart, alike = Orbits.starting(rolling.copy()), Orbits.starting(rolling.copy())
+    mixed.specified.motion(apart)
+    explicit.specified.motion(alike)
+    assert apart.work.evaluations == alike.work.evaluations
+    np.testing.assert_array_equal(apart.points, alike.points)
+    with pytest.warns(ToleranceWarning, match="4 of 4 orbits of roll are out of steps"):
+        explicit.iterate(capsizing, 1)
+    found = mixed.iterate(np.concatenate([rolling, capsizing]), 1)
+    assert (found.status == Status.OK).all()
+    np.testing.assert_array_equal(found.points[40:], [mixed(x) for x in capsizing])
+    matrices = jacobian(mixed, np.concatenate([rolling[:2], capsizing[:2]]))
+    for x, image, matrix in zip([*rolling[:2], *capsizing[:2]], found.points[[0, 1, 40, 41]], matrices, strict=True):
+        exact = with_derivatives(x, system.length)
+        np.testing.assert_allclose(image, exact[:2], rtol=3e-9, atol=1e-9)
+        np.testing.assert_allclose(matrix.ravel(), exact[2:], rtol=1e-7, atol=1e-8)
+
+
+def with_derivatives(x: Any, time: float) -> Any:
+    """Return where a ship is after a time, with the derivatives, by SciPy's Radau method."""
+
+    def rates(t: float, z: Any) -> list[float]:
+        slope, damping = 3.0 * z[0] ** 2 - 1.0, -0.1 - 0.15 * z[1] ** 2
+        return [*roll(t, z[:2], None), *z[4:], *(slope * z[2:4] + damping * z[4:])]
+
+    found = solve_ivp(rates, (0.0, time), [*x, 1.0, 0.0, 0.0, 1.0], "Radau", rtol=1e-10, atol=1e-10)
+    return found.y[:, -1]
 
 
 def cubic(t: float, x: Any, p: Any) -> tuple[float, float]:

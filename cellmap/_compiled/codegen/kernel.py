@@ -151,6 +151,20 @@ def frame_kernel(rhs: Callable[..., Any], dimension: int, names: Names, rtol: fl
     return finished(compiled_steps(method, least, len(names)), method), vectors
 
 
+@kept
+def stiff_frame_kernel(
+    rhs: Callable[..., Any], dimension: int, names: Names, rtol: float, vectors: int
+) -> PeriodKernel:
+    """Compile the period of a flow with as many vectors beside each state by the method for stiff systems.
+
+    Errors are those of components: a vector that a stiff flow forgets has no relative error.
+    """
+    traced = traced_function(rhs, dimension, names)
+    assert traced is not None, "its derivatives are known"
+    method = choose_method("Rosenbrock", traced, rtol)
+    return finished(compiled_steps(method, frame_traces(traced, vectors)[0], len(names)), method)
+
+
 _MOST_COMPONENTS = {"Taylor": 24}
 _MOST_OF_STAGES = 48
 

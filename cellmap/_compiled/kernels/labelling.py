@@ -18,7 +18,7 @@ from ..loops import inlined, loop
 from .blocks import place_of
 from .calls import call_look_up
 from .capture import CERTAIN, LOOKED_AT, OUTSIDE, ellipsoids_of, held_by_cover, sifted
-from .periods import ENDED, ESCAPED, NOWHERE, CompiledMap, Motion, integrate, iterate, notice
+from .periods import ENDED, ESCAPED, NOWHERE, CompiledMap, Motions, integrate, iterate, notice
 
 FINISHED, INTERRUPTED, ASKS_FOR_POOL, ASKS_FOR_WAITING = 0, 1, 2, 3
 """Why the loop returns: nothing is left, so that Ctrl-C is heard, or for one step of the map or of the exact map."""
@@ -63,7 +63,7 @@ class PeriodStep(NamedTuple):
 
     table: Table = Table()
     kind: int = NOT_COMPILED
-    motion: Motion = Motion()
+    motion: Motions = Motions()
     discrete: CompiledMap = CompiledMap()
     lower: NDArray[np.float64] = NOWHERE
     turn: NDArray[np.float64] = NOWHERE
@@ -361,7 +361,7 @@ def record(step, points, rotations, status, small, places, turned, states):
     total = 0
     for period in range(places.shape[0]):
         if step.kind == FLOW:
-            notice(step.motion, points, status, small)
+            notice(step.motion.usual, points, status, small)
         total += apply_exact_map(step, points, rotations, status, 1)
         for k in range(points.shape[0]):
             states[period, k] = status[k]

@@ -93,6 +93,12 @@ class Motion(NamedTuple):
     coarse : ndarray of int64
         The context for a coarse tolerance, where each orbit has steps of its own, and numbers of steps stand for finer
         tolerances; of one number for other methods.
+    price : int
+        Steps of the usual method that take as long as one of the method for stiff systems.
+    hands_over : int
+        1 where another method takes the orbits that no number of steps does for.
+    unstable : int
+        Rung from which on an image that is not finite tells that none does.
     """
 
     function: int = 0
@@ -118,6 +124,16 @@ class Motion(NamedTuple):
     floor: NDArray[np.float64] = NOWHERE
     lost: NDArray[np.int64] = NONE
     coarse: NDArray[np.int64] = NONE
+    price: int = 1
+    hands_over: int = 0
+    unstable: int = 0
+
+
+class Motions(NamedTuple):
+    """What a system is integrated with, and the method for stiff systems that takes orbits which are handed over."""
+
+    usual: Motion = Motion()
+    stiff: Motion = Motion()
 
 
 class CompiledMap(NamedTuple):
@@ -135,7 +151,8 @@ class PeriodWorkspace(NamedTuple):
     By number: ``initial`` points (n, d); ``ratios`` of error to tolerance; ratio and steps of the round ``before``
     (n, 2); images of fewer steps, ``earlier``; ``checks``, whether these are compared; in how many steps what becomes
     of the orbit was ``seen``.  By place: rungs ``taken`` and next ``rungs``, and where those of a rung end in the order
-    of rungs.  ``blocks``, their ``errors`` and ``numbers`` of steps are handed to the compiled period.
+    of rungs.  ``handed`` receives the numbers of orbits that another method is to take.  ``blocks``, their ``errors``
+    and ``numbers`` of steps are what the compiled period is called with.
     """
 
     initial: NDArray[np.float64]
@@ -147,24 +164,27 @@ class PeriodWorkspace(NamedTuple):
     taken: NDArray[np.int64]
     rungs: NDArray[np.int64]
     ends: NDArray[np.int64]
+    handed: NDArray[np.int64]
     blocks: NDArray[np.float64]
     errors: NDArray[np.float64]
     numbers: NDArray[np.int64]
 
 
 @loop
-def integrate(motion, points, rotations, status, small, lower, turn, periods):
-    """Integrate orbits over some periods; return the steps that all of them took together.
+def integrate(motions, points, rotations, status, small, lower, turn, periods):
+    """Integrate orbits over some periods; return the work of all of them together, in steps of the usual method.
 
     An orbit whose tolerance is not met is marked INACCURATE; one that ends at a singularity, or has an angle without
     phase or a coordinate from 1e100 on, has DIVERGED; one that is not seen to, and is not at the end of the period or
     has no right digit, is OUT_OF_STEPS.
 
-    Which orbits are checked, by the images of two numbers of steps, follows from the digits of their states alone.
+    Which orbits are checked, by the images of two numbers of steps, and in each period which are handed over, follows
+    from their states alone.
     ``lower`` and ``turn`` are branch cuts and periods of the coordinates; those of period 0 are not wrapped.
     ``small`` (n, d) remembers which components are below their floor, see :func:`notice`; it may be empty.
     """
     n, d = points.shape
+    usual, stiff = motions
     living, members, ordered = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
     checks, taken, rungs = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
     blocks = np.empty((-(-n // LANES), d, LANES))
@@ -172,56 +192,73 @@ def integrate(motion, points, rotations, status, small, lower, turn, periods):
         np.empty((n, d)),
         np.empty(n),
         np.empty((n, 2)),
-        np.empty((n if motion.checked > 0.0 else 0, d)),
+        np.empty((n if usual.checked > 0.0 else 0, d)),
         checks,
         np.empty(n, np.int64),
         taken,
         rungs,
-        np.empty(motion.ladder.size, np.int64),
+        np.empty(max(usual.ladder.size, stiff.ladder.size), np.int64),
+        np.empty(n if usual.hands_over else 0, np.int64),
         blocks,
         np.empty_like(blocks),
         np.empty(len(blocks), np.int64),
     )
     total = 0
     if small.size > 0:
-        notice(motion, points, status, small)
+        notice(usual, points, status, small)
     for _ in range(periods):
         alive = _living(status, living)
         if alive == 0:
             break
-        total += alive
-        _begin(motion, batch, points, living[:alive], members[:alive])
-        left, first = alive, True
-        while left > 0:
-            if motion.checked > 0.0 and not first:
-                _compare(motion, batch, points, members[:left])
-            next_rungs(motion, batch, members[:left], first)
-            if not first:
-                total += _give_up(motion, batch, points, status, members[:left])
-            sort_by_rung(members[:left], rungs[:left], motion.ladder.size, ordered, taken, batch.ends)
-            members, ordered = ordered, members
-            first = False
-            total += _climb(motion, batch, points, members)
-            left = batch.ends[motion.ladder.size - 1]
+        steps, handed = _images_of_a_period(usual, batch, points, status, living[:alive], members, ordered)
+        total += steps
+        if handed > 0:
+            steps, _ = _images_of_a_period(stiff, batch, points, status, batch.handed[:handed], members, ordered)
+            total += stiff.price * steps
         for m in range(alive):
             if status[living[m]] < ESCAPED:
                 _wrap(points, rotations, status, living[m], lower, turn)
         if small.size > 0:
-            notice(motion, points, status, small)
+            notice(usual, points, status, small)
     return total
 
 
 @loop
-def sample(motion, begins, points, rotations, status, small, turn, states):
+def _images_of_a_period(motion, batch, points, status, living, members, ordered):
+    """Move some orbits on by a period, each with the steps that it needs.
+
+    Returns the steps of all, and how many are handed over to another method, at their initial points still.
+    """
+    total = left = living.size
+    _begin(motion, batch, points, living, members[:left])
+    handed, first = 0, True
+    while left > 0:
+        if motion.checked > 0.0 and not first:
+            _compare(motion, batch, points, members[:left])
+        next_rungs(motion, batch, members[:left], first)
+        if motion.hands_over and not first:
+            handed = _hand_over(motion, batch, points, members[:left], handed)
+        if not first:
+            total += _give_up(motion, batch, points, status, members[:left])
+        sort_by_rung(members[:left], batch.rungs[:left], motion.ladder.size, ordered, batch.taken, batch.ends)
+        members, ordered = ordered, members
+        first = False
+        total += _climb(motion, batch, points, members)
+        left = batch.ends[motion.ladder.size - 1]
+    return total, handed
+
+
+@loop
+def sample(motions, begins, points, rotations, status, small, turn, states):
     """Integrate orbits over stretches of time one after the other, as by :func:`integrate`; return the steps of all.
 
-    The stretches have the length of the motion and begin at the times ``begins`` (m,); ``states`` (n, m, d) receives
+    The stretches have the length of the motions and begin at the times ``begins`` (m,); ``states`` (n, m, d) receives
     the states at their ends, angles unwrapped.  Angles are not wrapped either.
     """
     n, d = points.shape
     anywhere, total = np.zeros(d), 0
     for m in range(begins.size):
-        stretch = motion._replace(begin=begins[m])
+        stretch = Motions(motions.usual._replace(begin=begins[m]), motions.stiff._replace(begin=begins[m]))
         total += integrate(stretch, points, rotations, status, small, anywhere, anywhere, 1)
         for k in range(n):
             for j in range(d):
@@ -262,6 +299,18 @@ def _compare(motion, batch, points, members):
 
 
 @inlined
+def _hand_over(motion, batch, points, members, handed):
+    """Put those aside that another method is to take, at their initial points; return how many there are by now."""
+    for m in range(members.size):
+        if batch.rungs[m] < MET or (batch.rungs[m] > MET and _has_no_digit(motion, batch, members[m], m)):
+            batch.rungs[m], batch.handed[handed] = MET, members[m]
+            handed += 1
+            for j in range(points.shape[1]):
+                points[members[m], j] = batch.initial[members[m], j]
+    return handed
+
+
+@inlined
 def _give_up(motion, batch, points, status, members):
     """Mark the orbits that no number of steps would do for; return the steps in which that was seen."""
     total = 0
@@ -285,9 +334,8 @@ def _examine(motion, batch, points, status, members, m):
         doubtful = not ratio <= small or batch.before[k, 0] > small
     elif own_steps:
         most, doubtful = _LONG, not ratio < np.inf
-    else:  # what is compared has met the tolerance
-        no_digit = not ratio <= motion.digit
-        doubtful, most = no_digit and batch.checks[k] <= CHOSEN and motion.ladder[batch.taken[m]] >= ASYMPTOTIC, _SOON
+    else:
+        doubtful, most = _has_no_digit(motion, batch, k, m), _SOON
     place = np.empty((1, points.shape[1]))
     if doubtful and batch.seen[k] < most:
         batch.seen[k] = most
@@ -326,6 +374,13 @@ def _has_a_digit(motion, batch, points, k, m):
         if not abs(halved[k, j] - x) <= ONE_DIGIT * size:
             return False
     return True
+
+
+@inlined
+def _has_no_digit(motion, batch, k, m):
+    """Tell whether an image is wrong where it should not be; what is compared has met the tolerance."""
+    wrong = not batch.ratios[k] <= motion.digit
+    return wrong and batch.checks[k] <= CHOSEN and motion.ladder[batch.taken[m]] >= ASYMPTOTIC
 
 
 @inlined

@@ -22,7 +22,7 @@ def next_rungs(motion, batch, members, first):
     ``ladder[k]**order >= safety * ratio * ladder[taken]**order``.  At most ``highest_climb`` rungs are climbed at once,
     or twice as many from an image that is not finite.  ``before[members[m]]`` holds ratio and steps of the round
     before, -1 for none; where the ratio falls so slowly that the last rung would not do, as it does across a kink,
-    there is no next.
+    there is no next.  Nor is there one where an image is not finite on the rung that tells an ``unstable`` method.
     """
     taken, before, rungs, steps, powers = batch.taken, batch.before, batch.rungs, motion.ladder, motion.powers
     order, lowest, climb = motion.order, motion.lowest, motion.highest_climb
@@ -37,8 +37,10 @@ def next_rungs(motion, batch, members, first):
             rungs[m] = MET
         elif rung == last and not first:
             rungs[m] = MISSED if finite else DIVERGED
+        elif not finite and rung >= motion.unstable and not first:
+            rungs[m] = DIVERGED
         elif not finite:
-            rungs[m] = max(min(rung + 2 * climb, last), lowest)
+            rungs[m] = max(min(rung + 2 * climb, last, motion.unstable), lowest)
         else:
             low = lowest if first else rung + 1
             if before[member, 1] >= ASYMPTOTIC and steps[rung] >= 1.4 * before[member, 1]:
