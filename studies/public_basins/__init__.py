@@ -18,7 +18,7 @@ import warnings
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import nan
+from math import ceil, nan, sqrt
 from pathlib import Path
 from textwrap import fill
 
@@ -42,7 +42,7 @@ TELLING = (
 )
 """Systems whose attractors and fractions are known, at the least cost."""
 
-LIMIT = 60.0  # seconds that a system may take
+LIMIT = 60.0  # seconds for each system
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +65,11 @@ class Row:
         return 100.0 * float(np.isin(self.basins.labels, labels).mean())
 
     @property
+    def ratio(self) -> float:
+        """Processor seconds beside those of plain iteration; NaN where the limit of time came before all labels."""
+        return self.seconds / self.iteration if self.iteration else nan
+
+    @property
     def deviation(self) -> float:
         """Largest difference of a fraction from the known one, in standard errors of both samples."""
         size, known = self.basins.labels.size, np.sort(self.case.counts) / max(self.case.orbits, 1)
@@ -78,7 +83,7 @@ class Row:
     def reason(self) -> str:
         """Most frequent reason for what is undecided."""
         if self.percent(Label.UNLABELLED):
-            return f"no end in {LIMIT:g} s"
+            return "not done within the limit of time"
         return max(self.basins.undecided, key=self.basins.undecided.__getitem__, default="")
 
 
@@ -103,7 +108,7 @@ def _states(case: Case, cells: int) -> np.ndarray:
 def compute(cases: Iterable[Case], cells: int, limit: float = LIMIT) -> list[Row]:
     """Find the basins of all cases, and tell of each."""
     print("s: processor seconds; ratio: to following as many periods; off: from known fractions, in standard errors")
-    print("system                undecided  gone      s  ratio  off  attractors; what is known; why undecided")
+    print("system                undecided   gone      s  ratio  off  attractors; what is known; why undecided")
     rows = []
     for case in cases:
         rows.append(measured(case, cells, limit))
@@ -118,16 +123,17 @@ def report(row: Row) -> None:
     found = ", ".join(f"{number} {kind}" for kind, number in row.kinds.items())
     known = f"{case.published}{'' if case.attractors is None else f' ({case.attractors})'}"
     print(
-        f"{case.name:21} {undecided:8.2f} % {row.percent(Label.DIVERGED):4.0f} % {row.seconds:5.1f}  "
-        f"{row.seconds / max(row.iteration, 1e-9):5.1f}  {row.deviation:3.1f}  "
-        f"{'; '.join(filter(None, (found, known, row.reason)))}",
+        f"{case.name:21} {undecided:8.2f} % {row.percent(Label.DIVERGED):4.0f} % {row.seconds:6.1f} "
+        f"{row.ratio:6.1f} {row.deviation:4.1f}  {'; '.join(filter(None, (found, known, row.reason)))}".replace(
+            "nan", "  -"
+        ),
         flush=True,
     )
 
 
 def draw(rows: list[Row]) -> Figure:
     """Draw the basins of all cases."""
-    columns = min(len(rows), 8)
+    columns = ceil(sqrt(len(rows)))
     lines = -(-len(rows) // columns)
     figure, axes = plt.subplots(
         lines, columns, figsize=(1.9 * columns, 2.15 * lines), layout="constrained", squeeze=False
