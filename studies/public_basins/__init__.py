@@ -8,7 +8,7 @@ system there are the attractors found, what is undecided and why, and the time b
 without asking where they end.
 
 Must come out: the number of attractors where it is known from symmetry, a closed form or the paper, in parentheses;
-fractions of ten systems, to three or four standard errors of what SciPy or plain iteration gives.
+fractions of nine systems, to three standard errors of what SciPy or plain iteration gives.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ TELLING = (
     *("duffing", "pendulum", "genetic_switch", "slim_fractal", "duopoly", "forced_logistic", "grebogi", "weak_henon"),
     *("triopoly", "sporadical"),
 )
-"""Systems whose attractors and fractions are known, at the least cost."""
+"""Systems whose attractors are known, and fractions of all but one, at the least cost."""
 
 LIMIT = 60.0  # seconds for each system
 
@@ -71,7 +71,7 @@ class Row:
 
     @property
     def deviation(self) -> float:
-        """Largest difference of a fraction from the known one, in standard errors of both samples."""
+        """Largest difference of a fraction from the known one, in standard errors of both samples; NaN without."""
         size, known = self.basins.labels.size, np.sort(self.case.counts) / max(self.case.orbits, 1)
         counts = [part.count for label, part in self.basins.fractions.items() if label >= 0 or label <= Label.ENDED]
         if not known.size or known.size != len(counts):

@@ -127,8 +127,6 @@ def coupled_logistic(x: Numbers, p: Any) -> Numbers:
     (0.0, 0.0),
     (1.0, 1.0),
     attractors=3,
-    counts=(32957, 35246, 31796),
-    orbits=100_000,
 )
 def forced_logistic(x: Numbers, p: Any) -> Numbers:
     third = x[0]

@@ -13,5 +13,5 @@ def test_known_attractors_are_found_with_their_fractions_and_nothing_is_undecide
     """Numbers by symmetry, closed form or the paper; fractions by SciPy or NumPy, as the table of the study says."""
     row = measured(CASES[name], 40)
     assert row.kinds.total() == CASES[name].attractors
-    assert row.deviation < 4.0
+    assert row.deviation < 4.0 or not CASES[name].counts
     assert row.percent(Label.UNDECIDED, Label.OUT_OF_STEPS) == 0.0
