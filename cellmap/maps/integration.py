@@ -41,7 +41,7 @@ _SERIES = 16  # right-hand sides that take as long as a step of another method
 _RUNGS_TO_COMPARE = 3  # between numbers of steps whose images are compared; for own steps all that are climbed at once
 _AGREEMENT = 2.0  # two images differ by less than the tolerance over this
 _REGROWN = 3  # periods in which a component can fall below its tolerance and grow again
-_COARSE, _ENOUGH = 1e-6, 8192  # tolerance, and steps allowed, by which is seen whether an orbit ends
+_AT_POLES, _ENOUGH = 1e-9, 8192  # tolerance of a step (looser ones pass poles), and steps, for orbits that may end
 _SAFETY = 2.0  # error expected of the steps that are chosen, under the tolerance by this factor
 
 Turns = tuple[Floats, Floats]
@@ -404,7 +404,7 @@ class Flow:
             longest = self.length / self.fewest_steps  # or a step would pass over a pulse of the forcing
             context, coarse = (
                 np.array([f * self.rtol / margin, _OWN_STEPS * steps, longest, *largest, *(f * self.atol / margin)])
-                for f, steps in ((1.0, max_steps), (max(1.0, _COARSE / tolerance), _ENOUGH))
+                for f, steps in ((1.0, max_steps), (_AT_POLES / tolerance, _ENOUGH))
             )
             context, coarse = context.view(np.int64), coarse.view(np.int64)
         return Motion(

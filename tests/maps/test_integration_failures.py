@@ -124,6 +124,17 @@ def test_orbits_end_at_poles(name, method, steps):
 
 
 @quiet
+@pytest.mark.parametrize("method", at_once(["Rosenbrock", "DOP853"], later=["Taylor", "mixed"]))
+def test_no_orbit_goes_on_beyond_a_pole(method):
+    """x' = 1 / (1 - x)^2 is at 1 after the time (1 - x)^3 / 3; a step of loose tolerance passes that place unseen."""
+    places = np.append(np.linspace(-1.5, 0.99, 200), 1.0 - 10.0 ** -np.arange(2.0, 12.0))[:, None]
+    found = images(lambda t, x, p: (1.0 / (1.0 - x[0]) ** 2,), 1.0, places, ("x",), method)
+    left = (1.0 - places[:, 0]) ** 3 - 3.0
+    assert (found.status == np.where(left < 0.0, Status.DIVERGED, Status.OK)).all()
+    np.testing.assert_allclose(found.points[left > 0.0, 0], 1.0 - np.cbrt(left[left > 0.0]), rtol=1e-8, atol=1e-8)
+
+
+@quiet
 @pytest.mark.parametrize(("steps", "far"), at_once([(256, False), (16384, True)], later=[(256, True), (16384, False)]))
 def test_poles_beside_switches_and_stops(steps, far):
     """Coulomb friction of 0.01, located; or a stop on the other side.  The electrode is released beyond the saddle."""

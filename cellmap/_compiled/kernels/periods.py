@@ -91,8 +91,9 @@ class Motion(NamedTuple):
     lost : ndarray of int64, shape (d,)
         Receives 1 for a component that was smaller, and is larger again.
     coarse : ndarray of int64
-        The context for a coarse tolerance, where each orbit has steps of its own, and numbers of steps stand for finer
-        tolerances; of one number for other methods.
+        The context for a tolerance of steps that rounding leaves room for, by which is seen whether an orbit ends,
+        where each has steps of its own, and numbers of steps stand for finer tolerances; of one number for other
+        methods.
     price : int
         Steps of the usual method that take as long as one of the method for stiff systems.
     hands_over : int
@@ -151,7 +152,7 @@ class PeriodWorkspace(NamedTuple):
     By number: ``initial`` points (n, d); ``ratios`` of error to tolerance; ratio and steps of the round ``before``
     (n, 2); images of fewer steps, ``earlier``; ``checks``, whether these are compared; in how many steps what becomes
     of the orbit was ``seen``.  By place: rungs ``taken`` and next ``rungs``, and where those of a rung end in the order
-    of rungs.  ``handed`` receives the numbers of orbits that another method is to take.  ``blocks``, their ``errors``
+    of rungs.  ``aside`` has room for numbers of orbits that are put aside.  ``blocks``, their ``errors``
     and ``numbers`` of steps are what the compiled period is called with.
     """
 
@@ -164,7 +165,7 @@ class PeriodWorkspace(NamedTuple):
     taken: NDArray[np.int64]
     rungs: NDArray[np.int64]
     ends: NDArray[np.int64]
-    handed: NDArray[np.int64]
+    aside: NDArray[np.int64]
     blocks: NDArray[np.float64]
     errors: NDArray[np.float64]
     numbers: NDArray[np.int64]
@@ -198,7 +199,7 @@ def integrate(motions, points, rotations, status, small, lower, turn, periods):
         taken,
         rungs,
         np.empty(max(usual.ladder.size, stiff.ladder.size), np.int64),
-        np.empty(n if usual.hands_over else 0, np.int64),
+        np.empty(n, np.int64),
         blocks,
         np.empty_like(blocks),
         np.empty(len(blocks), np.int64),
@@ -213,7 +214,7 @@ def integrate(motions, points, rotations, status, small, lower, turn, periods):
         steps, handed = _images_of_a_period(usual, batch, points, status, living[:alive], members, ordered)
         total += steps
         if handed > 0:
-            steps, _ = _images_of_a_period(stiff, batch, points, status, batch.handed[:handed], members, ordered)
+            steps, _ = _images_of_a_period(stiff, batch, points, status, batch.aside[:handed], members, ordered)
             total += stiff.price * steps
         for m in range(alive):
             if status[living[m]] < ESCAPED:
@@ -302,64 +303,80 @@ def _compare(motion, batch, points, members):
 def _hand_over(motion, batch, points, members, handed):
     """Put those aside that another method is to take, at their initial points; return how many there are by now."""
     for m in range(members.size):
-        if batch.rungs[m] < MET or (batch.rungs[m] > MET and _has_no_digit(motion, batch, members[m], m)):
-            batch.rungs[m], batch.handed[handed] = MET, members[m]
+        if batch.rungs[m] < MET or (batch.rungs[m] > MET and _is_wrong(motion, batch, members[m], m)):
+            batch.rungs[m], batch.aside[handed] = MET, members[m]
             handed += 1
             for j in range(points.shape[1]):
                 points[members[m], j] = batch.initial[members[m], j]
     return handed
 
 
-@inlined
-def _give_up(motion, batch, points, status, members):
-    """Mark the orbits that no number of steps would do for; return the steps in which that was seen."""
-    total = 0
-    for m in range(members.size):
-        if batch.rungs[m] != MET:
-            total += _examine(motion, batch, points, status, members, m)
-    return total
-
-
 @loop
-def _examine(motion, batch, points, status, members, m):
-    """Mark an orbit that does not meet its tolerance, if it ends; return the steps in which that was seen.
+def _give_up(motion, batch, points, status, members):
+    """Mark the orbits that no number of steps would do for; return the steps in which that was seen.
 
-    Where the error does not fall as it should, steps of its own tell whether the orbit ends, as at a pole; they also
+    Where the error does not fall as it should, steps of its own tell whether an orbit ends, as at a pole; they also
     have an image where equal steps have none.
     """
-    k, rung, spent = members[m], batch.rungs[m], 0
-    ratio, fate, own_steps = batch.ratios[k], SEEN_NOTHING, motion.coarse.size > 1
-    if rung < 0:
-        most, small = _LONG, _DOUBTFUL * motion.digit
-        doubtful = not ratio <= small or batch.before[k, 0] > small
-    elif own_steps:
-        most, doubtful = _LONG, not ratio < np.inf
-    else:
-        doubtful, most = _has_no_digit(motion, batch, k, m), _SOON
-    place = np.empty((1, points.shape[1]))
-    if doubtful and batch.seen[k] < most:
-        batch.seen[k] = most
-        if own_steps:
-            fate, spent = follow_coarsely(motion, batch.initial, k, place)
-        else:
-            fate, spent = follow_alone(motion, batch.initial, k, most, place)
+    total, suspects, own_steps = 0, 0, motion.coarse.size > 1
+    if own_steps:
+        for m in range(members.size):
+            if batch.rungs[m] != MET and _most_to_see(motion, batch, members[m], m) > batch.seen[members[m]]:
+                batch.aside[suspects] = members[m]
+                suspects += 1
+    places, fates = np.empty((max(suspects, 1), points.shape[1])), np.empty(suspects, np.int64)
+    if suspects > 0:
+        total += follow_coarsely(motion, batch.initial, batch.aside[:suspects], places, fates)
+    suspects = 0
+    for m in range(members.size):
+        if batch.rungs[m] == MET:
+            continue
+        k, fate, row, spent = members[m], SEEN_NOTHING, 0, 0
+        most = _most_to_see(motion, batch, k, m)
+        if most > batch.seen[k]:
+            batch.seen[k] = most
+            if own_steps:
+                fate, row = fates[suspects], suspects
+                suspects += 1
+            else:
+                fate, spent = follow_alone(motion, batch.initial, k, most, places)
+        total += spent
         if fate == AT_POLE:
             batch.rungs[m] = NOT_FINITE
             _end(points, status, k, DIVERGED)
-    if rung >= 0 or fate == AT_POLE:
-        return spent
+        elif batch.rungs[m] < MET:
+            in_time = fate == ARRIVED and spent <= motion.ladder[motion.ladder.size - 1]
+            _mark(motion, batch, points, status, m, k, most > 0, in_time, places[row])
+    return total
+
+
+@inlined
+def _most_to_see(motion, batch, k, m):
+    """Return in how many steps it is to be seen what becomes of an orbit that misses its tolerance; 0 for none."""
+    ratio = batch.ratios[k]
+    if batch.rungs[m] < MET:
+        small = _DOUBTFUL * motion.digit
+        return _LONG if not ratio <= small or batch.before[k, 0] > small else 0
+    if motion.coarse.size > 1:
+        return _LONG if not ratio < np.inf else 0
+    return _SOON if _is_wrong(motion, batch, k, m) else 0
+
+
+@loop
+def _mark(motion, batch, points, status, m, k, doubtful, in_time, place):
+    """Mark an orbit that misses its tolerance, or ends, or has another image in time by steps of its own."""
+    rung, ratio = batch.rungs[m], batch.ratios[k]
     if rung == NOT_FINITE or ratio > motion.digit or (doubtful and not _has_a_digit(motion, batch, points, k, m)):
         # Where events keep equal steps from arriving, it is not known which of the two to believe.
-        if fate == ARRIVED and ratio != np.inf and spent <= motion.ladder[motion.ladder.size - 1]:
+        if in_time and ratio != np.inf:
             status[k] = INACCURATE
             for j in range(points.shape[1]):
-                points[k, j] = place[0, j]
+                points[k, j] = place[j]
         else:
             # Equal steps that overflow prove nothing: so do those of an explicit method that is unstable.
             _end(points, status, k, DIVERGED if ratio == BLOWN_UP else OUT_OF_STEPS)
     else:
         status[k] = INACCURATE
-    return spent
 
 
 @loop
@@ -377,9 +394,9 @@ def _has_a_digit(motion, batch, points, k, m):
 
 
 @inlined
-def _has_no_digit(motion, batch, k, m):
+def _is_wrong(motion, batch, k, m):
     """Tell whether an image is wrong where it should not be; what is compared has met the tolerance."""
-    wrong = not batch.ratios[k] <= motion.digit
+    wrong = not batch.ratios[k] <= _DOUBTFUL * motion.digit
     return wrong and batch.checks[k] <= CHOSEN and motion.ladder[batch.taken[m]] >= ASYMPTOTIC
 
 

@@ -76,17 +76,23 @@ def follow_alone(motion, initial, k, most, place):
 
 
 @loop
-def follow_coarsely(motion, initial, k, place):
-    """Follow an orbit through a period by a method with steps of its own, to a coarse tolerance; as above."""
-    d = initial.shape[1]
-    ratios, block, errors = np.empty(1), np.empty((1, d, LANES)), np.empty((1, d, LANES))
-    alone, taken = np.zeros(1, np.int64), np.ones(1, np.int64)
-    for j in range(d):
-        place[0, j] = initial[k, j]
-    pack(place, alone, block)
+def follow_coarsely(motion, initial, members, places, fates):
+    """Follow orbits through a period by a method with steps of its own, to a coarse tolerance; return the steps of all.
+
+    ``places`` (n, d) and ``fates`` (n,) receive where they are then, and what has become of them.
+    """
+    n, d = members.size, initial.shape[1]
+    used = -(-n // LANES)
+    ratios, block, errors = np.empty(n), np.empty((used, d, LANES)), np.empty((used, d, LANES))
+    rows, taken = np.empty(n, np.int64), np.ones(used, np.int64)
+    pack(initial, members, block)
     span = (motion.begin, motion.length)
-    call_period(motion.function, motion.coarse, block, taken, span, motion.parameters, errors, 1)
-    unpack(motion, block, errors, alone, place, ratios)
-    if ratios[0] < np.inf:
-        return ARRIVED, taken[0]
-    return SEEN_NOTHING if ratios[0] == np.inf else ENDED, taken[0]
+    call_period(motion.function, motion.coarse, block, taken, span, motion.parameters, errors, n)
+    total = 0
+    for m in range(n):
+        rows[m] = m
+        total += taken[m // LANES]
+    unpack(motion, block, errors, rows, places, ratios)
+    for m in range(n):
+        fates[m] = ARRIVED if ratios[m] < np.inf else SEEN_NOTHING if ratios[m] == np.inf else ENDED
+    return total
