@@ -18,7 +18,7 @@ import warnings
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import ceil, nan, sqrt
+from math import ceil, isnan, nan, sqrt
 from pathlib import Path
 from textwrap import fill
 
@@ -124,11 +124,14 @@ def report(row: Row) -> None:
     known = f"{case.published}{'' if case.attractors is None else f' ({case.attractors})'}"
     print(
         f"{case.name:21} {undecided:8.2f} % {row.percent(Label.DIVERGED):4.0f} % {row.seconds:6.1f} "
-        f"{row.ratio:6.1f} {row.deviation:4.1f}  {'; '.join(filter(None, (found, known, row.reason)))}".replace(
-            "nan", "  -"
-        ),
+        f"{_dashed(row.ratio, 6)} {_dashed(row.deviation, 4)}  {'; '.join(filter(None, (found, known, row.reason)))}",
         flush=True,
     )
+
+
+def _dashed(value: float, width: int) -> str:
+    """Return a number, or a dash where it is not known."""
+    return f"{'-' if isnan(value) else f'{value:.1f}':>{width}}"
 
 
 def draw(rows: list[Row]) -> Figure:
