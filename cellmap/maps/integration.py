@@ -36,8 +36,7 @@ _SHORT = 1e-9  # step that tells a right-hand side
 _FINER = 0.1  # part of the tolerance with which errors of derivatives are estimated
 _FIRST = 64  # orbits, or periods of one orbit, that a compiled loop takes before it is known what they cost
 _GROWTH = 8
-_WORK_AT_ONCE = 2**21  # right-hand sides
-_SERIES = 16  # right-hand sides that take as long as a step of another method
+_STEPS_AT_ONCE = 2**22  # times components: tenths of a second, in which lanes are filled at each number of steps
 _RUNGS_TO_COMPARE = 3  # between numbers of steps whose images are compared; for own steps all that are climbed at once
 _AGREEMENT = 2.0  # two images differ by less than the tolerance over this
 _REGROWN = 3  # periods in which a component can fall below its tolerance and grow again
@@ -457,7 +456,7 @@ class Flow:
         A compiled loop takes so many orbits and periods at once that it is soon back, and Ctrl-C is heard; how many, it
         takes from the work of those before, and not from the time.
         """
-        budget = _WORK_AT_ONCE // (self.kernel.stages if not self.kernel.own_steps else _SERIES)
+        budget = _STEPS_AT_ONCE // (LARGE if self.unknown_formulas else min(len(self.largest), LARGE))
         begin, size, pace = 0, _FIRST, 1
         while begin < len(orbits):
             part = orbits[begin : begin + size]
