@@ -1,4 +1,4 @@
-"""Results for other programs: labelled arrays of xarray (netCDF), tables of pandas, HTML in notebooks, files of AUTO.
+"""Results for other programs: labelled arrays of xarray (netCDF), tables of pandas, HTML, files of AUTO and XPP.
 
 xarray, h5netcdf and pandas are optional: ``pip install "cellmap-dynamics[xarray]"`` installs them.
 """

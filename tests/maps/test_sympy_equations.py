@@ -39,8 +39,7 @@ def test_a_pendulum_on_a_pivot_driven_in_both_directions_is_derived_from_its_lag
     found, expected = stroboscopic_map(system, rtol=1e-11), stroboscopic_map(same, rtol=1e-11)
     assert found.unknown_formulas == ""
     assert found.iterate((0.5, 0.0), 5).points == pytest.approx(expected.iterate((0.5, 0.0), 5).points, abs=1e-9)
-    faster = system.with_params(w=30.0)
-    assert faster.length == pytest.approx(2 * pi / 30.0)
+    assert system.with_params(w=30.0).length == pytest.approx(2 * pi / 30.0)
 
 
 def lagrange() -> tuple[Any, Any]:
@@ -50,9 +49,9 @@ def lagrange() -> tuple[Any, Any]:
 
 
 def kane() -> tuple[Any, Any]:
-    frame, point, speed = ReferenceFrame("N"), Point("P"), H
-    point.set_vel(frame, speed * frame.x)
-    method = KanesMethod(frame, q_ind=[F], u_ind=[speed], kd_eqs=[F.diff(T) - speed])
+    frame, point = ReferenceFrame("N"), Point("P")
+    point.set_vel(frame, H * frame.x)
+    method = KanesMethod(frame, q_ind=[F], u_ind=[H], kd_eqs=[F.diff(T) - H])
     method.kanes_equations([Particle("body", point, M)], [(point, (sp.cos(T) - F) * frame.x)])
     return method, lambda t, x: (x[1], (cos(t) - x[0]) / 0.1)
 
@@ -60,10 +59,8 @@ def kane() -> tuple[Any, Any]:
 @pytest.mark.parametrize(
     ("given", "coordinates"),
     [
-        (lambda: ([V, -Q + sp.cos(T)], lambda t, x: (x[1], -x[0] + cos(t))), ("q", "v")),
         (lambda: (sp.Matrix([V, -Q + sp.cos(T)]), lambda t, x: (x[1], -x[0] + cos(t))), ("q", "v")),
         (lambda: ({V: -Q + sp.cos(T), Q: V}, lambda t, x: (-x[1] + cos(t), x[0])), None),
-        (lambda: ({F.diff(T, 2): -F + sp.cos(T)}, lambda t, x: (x[1], -x[0] + cos(t))), None),
         (lambda: ([sp.Eq(F.diff(T, 2), -F)], lambda t, x: (-x[1], x[0])), ("w", "F")),
         (lambda: ([F.diff(T, 3) + 2 * F.diff(T, 2) + F], lambda t, x: (x[1], x[2], -2 * x[2] - x[0])), None),
         (lambda: ([F.diff(T, 2) + H.diff(T), H.diff(T) - F], lambda t, x: (x[2], x[0], -x[0])), ("F", "H", "w")),
@@ -83,12 +80,10 @@ def test_forms_of_equations(given: Callable[[], Any], coordinates: Any) -> None:
     ("force", "value"),
     [
         (sp.Piecewise((2 * Q, Q > 0), (Q, True)), lambda q: 2 * q if q > 0 else q),
-        (sp.Abs(Q), abs),
-        (sp.sign(Q), lambda q: (q > 0) - (q < 0)),
+        (sp.sign(Q) + sp.Abs(Q), lambda q: (q > 0) - (q < 0) + abs(q)),
         (sp.Heaviside(Q, 0), lambda q: float(q > 0)),
         (sp.Mod(Q, 1), lambda q: q % 1),
         (sp.Max(Q, 0) - sp.Min(Q, V), lambda q: max(q, 0) - min(q, -0.7)),
-        (sp.Matrix([[1, Q], [Q, 3]]).det(), lambda q: 3 - q * q),
         (sp.sec(Q) + sp.coth(1 + Q**2), lambda q: 1 / cos(q) + 1 / float(sp.tanh(1 + q * q))),
     ],
 )
@@ -103,7 +98,6 @@ def test_functions_of_sympy(force: Any, value: Callable[[float], float]) -> None
     ("equations", "coordinates", "words"),
     [
         ([F.diff(T, 2) - K * F], None, "give a value for k"),
-        ([F.diff(T), F.diff(T)], None, "2 equations for 1 unknown"),
         ([F.diff(T) - H], None, r"H\(t\), of which no derivative is given"),
         ([F.diff(T) ** 2], None, "not linear in the highest derivatives"),
         ([F.diff(T) + H.diff(T), 2 * F.diff(T) + 2 * H.diff(T)], None, "Singular"),
@@ -111,7 +105,6 @@ def test_functions_of_sympy(force: Any, value: Callable[[float], float]) -> None
         ([F.diff(T, 2)], ("q", "v"), "give 2, of which F and names"),
         ([sp.Function("u")(T, Q).diff(T)], None, "functions of time alone"),
         (["__import__('os')"], ("q",), "give expressions and equations of SymPy"),
-        ("F", None, "give a list of equations"),
     ],
 )
 def test_what_is_no_system_is_refused(equations: Any, coordinates: Any, words: str) -> None:

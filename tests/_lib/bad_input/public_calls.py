@@ -120,6 +120,7 @@ SPECIAL: dict[str, Callable[[], dict[str, Any]]] = {
     "continue_connection": lambda: {"parameter": "a", "lower": 1.35, "upper": 1.45} | FEW,
     "continue_tangency": lambda: {"parameters": ("a", "b"), "first": (1.3, 1.4), "second": (-0.35, -0.25)} | FEW,
     "save_auto": lambda: {"path": "b.branch"},
+    "read_ode": lambda: {"path": str(Path(__file__).parents[2] / "exchange/pendulum.ode"), "period": 2 * np.pi},
     "continue_circle": lambda: {
         **{"point_map": small.delayed_logistic(), "parameter": "a", "values": (2.02, 2.03)},
         **{"initial_condition": (0.5, 0.4), "transient": 500},
