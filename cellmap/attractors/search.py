@@ -43,6 +43,9 @@ from .shortcuts.surrogate import only_attractor
 from .shortcuts.wandering import FEWEST, are_chaotic, representatives
 from .translates import warning_of_translates
 
+MAX_PERIODS = 2000
+"""Periods for which orbits that do not settle are followed by default."""
+
 _LOOKS = 256  # looks at the same orbits, at most
 _FIRST_LOOK = 32  # periods before end points are refined for the first time
 _LONGEST_AT_REST = 128  # periods after which orbits that rest on a cycle have closed
@@ -54,7 +57,7 @@ _MATURE = 64  # periods from which orbits that do not settle are tried as quasi-
 def find_attractors(
     point_map: PointMap,
     initial_conditions: ArrayLike,
-    max_periods: int = 2000,
+    max_periods: int = MAX_PERIODS,
     longest_period: int = 32,
     attractors: Sequence[Attractor] = (),
 ) -> tuple[Attractor, ...]:

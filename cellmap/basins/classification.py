@@ -15,6 +15,7 @@ from .._lib.checks import listed, real_array, shown, whole_number
 from ..attractors.given import check_attractors
 from ..attractors.kinds.creeping import settled_at_last
 from ..attractors.labels import LABEL_NAMES
+from ..attractors.search import MAX_PERIODS
 from ..attractors.settling.escape import far_bound
 from ..attractors.settling.settle import Catalogue, Classified, Rule, classify
 from ..maps.coordinates import Coordinate
@@ -25,8 +26,6 @@ from .record import Basins
 
 Outcome = Callable[[Floats], Any]
 """Tells of each point (n, d) the number of the final state in which it is, -1 while it is in none."""
-
-_MAX_PERIODS = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +108,9 @@ def labeller(
                 f"{name}={shown(source)}: these basins have no map, as it is with basins from a file: "
                 "recompute_basins(basins, system) has one, or give it by the argument point_map, if there is one"
             )
-        periods = max_periods or source.settings.get("max_periods", _MAX_PERIODS)
+        periods = max_periods or source.settings.get("max_periods", MAX_PERIODS)
     elif isinstance(source, PointMap):
-        used, periods = point_map or source, max_periods or _MAX_PERIODS
+        used, periods = point_map or source, max_periods or MAX_PERIODS
     else:
         raise TypeError(f"{name}={shown(source)}: give Basins, made by find_basins, or a PointMap with its attractors")
     most = whole_number("max_periods", periods, at_least=1)

@@ -13,7 +13,7 @@ from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import finite_number, warn_caller
 from ..attractors.kinds.transients import UnsettledWarning
 from ..attractors.labels import Label
-from ..attractors.search import find_attractors
+from ..attractors.search import MAX_PERIODS, find_attractors
 from ..attractors.settling.residence import is_same
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
@@ -65,7 +65,7 @@ def audited_basins(
     """
     coarse, total = coarser(point_map, rtol), len(places)
     few = np.sort(np.random.default_rng(0).choice(total, min(total, _SEARCHED), replace=False))
-    points, periods = places.wrapped(few, point_map), settings["max_periods"]
+    points, periods = places.wrapped(few, point_map), settings["max_periods"] or MAX_PERIODS
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnsettledWarning)
         attractors = find_attractors(point_map, points, periods, settings["longest_period"], known)

@@ -19,7 +19,7 @@ from ..attractors.continued import continue_attractors
 from ..attractors.labels import LABEL_NAMES
 from ..attractors.matching import persistent_labels, thinned
 from ..attractors.regions.extents import region_extent
-from ..attractors.search import affordable_period, find_attractors
+from ..attractors.search import MAX_PERIODS, affordable_period, find_attractors
 from ..attractors.settling.residence import is_same
 from ..maps.coordinates import wrap
 from ..maps.grid import CellGrid
@@ -44,7 +44,7 @@ def continue_basins(
     parameter: str,
     values: ArrayLike,
     initial_conditions: CellGrid | ArrayLike,
-    max_periods: int = 2000,
+    max_periods: int = MAX_PERIODS,
     longest_period: int = 32,
     threshold: float = 0.1,
     resume: BasinContinuation | None = None,

@@ -30,6 +30,11 @@ from .record import Basins
 from .run import Run, label_store, new_numbers
 
 
+def largest_number_of_periods(max_periods: int | None) -> int | None:
+    """Return the argument `max_periods`, once it is a whole number or None."""
+    return None if max_periods is None else whole_number("max_periods", max_periods, at_least=1)
+
+
 def labelled(
     point_map: PointMap,
     points: Floats,
@@ -61,7 +66,7 @@ def labelled(
 def find_basins(
     point_map: PointMap,
     initial_conditions: CellGrid | ArrayLike,
-    max_periods: int = 2000,
+    max_periods: int | None = None,
     longest_period: int = 32,
     attractors: Sequence[Attractor] = (),
     progress: bool = False,
@@ -87,7 +92,9 @@ def find_basins(
     initial_conditions : CellGrid or array_like, shape (..., dimension)
         Grid of cells whose centres are the initial conditions, or the initial conditions themselves.
     max_periods : int, optional
-        Periods after which an initial condition whose orbit has not settled is undecided.
+        Periods after which an initial condition whose orbit has not settled is undecided.  By default these are 2000
+        periods, and twice as many again and again as long as the orbits that are left take at most half of the periods
+        that all have taken so far; ``settings["max_periods"]`` says how many it were.
     longest_period : int, optional
         Longest period of a periodic attractor that is tried first.  Where orbits do not settle, longer ones are tried,
         up to twice as many steps as they have made, at least 512 and at most 8192.
@@ -152,7 +159,7 @@ def find_basins(
     >>> signs.attractors[0].points.round(12), signs.fractions[0].fraction
     (array([[1.]]), 0.5)
     """
-    max_periods = whole_number("max_periods", max_periods, at_least=1)
+    max_periods = largest_number_of_periods(max_periods)
     longest_period = affordable_period(longest_period)
     check_attractors(attractors, point_map, "attractors")
     check_client(client)

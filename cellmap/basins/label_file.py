@@ -7,6 +7,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from itertools import pairwise
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +90,7 @@ class OnDisk(LabelStore):
             self._belongs,
             lambda read: self._arrays(read[0]),
             lambda file: _read_progress(
-                group_of(file, "pass"), examined, self.total, int(self._belongs["max_periods"])
+                group_of(file, "pass"), examined, self.total, self._belongs["max_periods"] or inf
             ),
         )
         if found is None:
@@ -204,7 +205,7 @@ def _write_progress(file: h5py.File, now: Progress, settled: list[int]) -> None:
     _write_examined(group.create_group("examined"), now.examined)
 
 
-def _read_progress(group: h5py.Group, examined: Examined, total: int, limit: int) -> tuple[Progress, list[int]]:
+def _read_progress(group: h5py.Group, examined: Examined, total: int, limit: float) -> tuple[Progress, list[int]]:
     rows = Rows(total, array_of(group, "rows", np.uint8, (-(-total // 8),)) if "rows" in group else None)
     names = ("legs", "horizon") if "legs" in group.attrs else ("restart_times", "time_limit")  # those of 0.1
     restart_times, time_limit = get_numbers(group, names[0]), get_number(group, names[1], 1)

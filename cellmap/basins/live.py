@@ -16,7 +16,7 @@ from .._lib.signatures import checked
 from .._lib.stopping import Stop, Stopped
 from ..attractors.labels import LABEL_NAMES, Label
 from ..attractors.regions.extents import region_extent
-from ..attractors.search import affordable_period
+from ..attractors.search import MAX_PERIODS, affordable_period
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
@@ -136,7 +136,7 @@ class LiveBasins:
         self,
         point_map: PointMap,
         initial_conditions: CellGrid | ArrayLike,
-        max_periods: int = 2000,
+        max_periods: int = MAX_PERIODS,
         longest_period: int = 32,
         threshold: float = 0.1,
         stride: int = 8,

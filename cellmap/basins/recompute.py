@@ -48,4 +48,6 @@ def recompute_basins(basins: Basins, source: ForcedSystem | PointMap) -> Basins:
     point_map = spec.build() if isinstance(spec, Interpolated) else exact
     names = ("max_periods", "longest_period", "label_rtol")
     limits = {name: basins.settings[name] for name in names if name in basins.settings}
+    if basins.settings.get("goes_on"):
+        limits["max_periods"] = None
     return find_basins(point_map, initial_conditions, **limits)

@@ -24,6 +24,7 @@ from ..maps.coordinates import difference
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor, sort_key
+from .finding import largest_number_of_periods
 from .initial_conditions import InitialConditions
 from .record import Basins
 from .run import Run, label_store, new_numbers
@@ -161,7 +162,7 @@ class _Frames:
 def refine_basins(
     point_map: PointMap,
     initial_conditions: CellGrid | ArrayLike,
-    max_periods: int = 2000,
+    max_periods: int | None = None,
     longest_period: int = 32,
     attractors: Sequence[Attractor] = (),
     stride: int = 8,
@@ -220,7 +221,7 @@ def refine_basins(
     """
     limit = None if max_seconds is None else finite_number("max_seconds", max_seconds, above=0.0)
     check_attractors(attractors, point_map, "attractors")
-    limits = whole_number("max_periods", max_periods, at_least=1), affordable_period(longest_period)
+    limits = largest_number_of_periods(max_periods), affordable_period(longest_period)
     places = InitialConditions.of(initial_conditions, point_map)
     return refinement(point_map, places, limits, attractors, stride, near, interval, Stop(limit))
 
@@ -228,7 +229,7 @@ def refine_basins(
 def refinement(
     point_map: PointMap,
     places: InitialConditions,
-    limits: tuple[int, int],
+    limits: tuple[int | None, int],
     attractors: Sequence[Attractor],
     stride: int,
     near: ArrayLike | None,
@@ -238,7 +239,7 @@ def refinement(
 ) -> Refinement:
     """Return what :func:`refine_basins` does.
 
-    ``limits``: largest numbers of periods; ``stop``: a request to end; ``first``: strides that are labelled by known
+    ``limits``: as of :func:`find_basins`; ``stop``: a request to end; ``first``: strides that are labelled by known
     attractors before the search for others.
     """
     stride = whole_number("stride", stride, at_least=1, at_most=2**16)

@@ -19,13 +19,13 @@ from .._lib.records import Keyed
 from .._lib.stopping import Stop, Stopped, heeding
 from .._lib.threads import linear_algebra_on_one_thread, slices
 from .._lib.tiles import completed
-from ..attractors.kinds.chaos import examine
+from ..attractors.kinds.chaos import ORBITS, examine
 from ..attractors.kinds.continua import joined_continua
 from ..attractors.kinds.examined import Examined
-from ..attractors.kinds.transients import Late, Reason, regular
+from ..attractors.kinds.transients import ENDURANCE, MORE, REMEDIES, Late, Reason, regular
 from ..attractors.labels import LABEL_NAMES, Label, label_type
 from ..attractors.regions.extents import region_extent
-from ..attractors.search import search, sort_out
+from ..attractors.search import MAX_PERIODS, search, sort_out
 from ..attractors.settling.quotients import Quotient, quotient_of
 from ..attractors.settling.residence import OBSERVED, unobserved, with_full_residence, with_residence
 from ..attractors.settling.settle import Settled
@@ -45,6 +45,7 @@ _INTEGRATED = 128, 1024  # where orbits are integrated, which takes long: a part
 _TILES = 128  # enough to keep all threads busy to the end
 _PATIENCE = 256  # periods before active orbits are searched for further attractors
 _REPEATS = 32  # sweeps over the same periods with ever more attractors, at most
+_FURTHER = 0.5  # of the periods that all orbits have taken, that those which are left may take beyond the limit
 _FEWER = 4  # times as many initial conditions, from which on a sample shows what residence the others need
 _LOOKED_AT = 2**16  # active orbits, evenly spread, that are searched where more than HELD are active
 
@@ -65,7 +66,7 @@ class Run:
     point_map: PointMap
     initial_conditions: InitialConditions
     store: LabelStore
-    max_periods: int
+    max_periods: int | None
     longest_period: int
     client: Any = None
     progress: bool = False
@@ -79,6 +80,11 @@ class Run:
     quotient: Quotient | None = None
     searching: bool = True
     searched: tuple[tuple[Attractor, ...], Ints, Ints] | None = None
+
+    @property
+    def limit(self) -> int:
+        """Periods for which all orbits are followed that have not settled."""
+        return MAX_PERIODS if self.max_periods is None else self.max_periods
 
     def to_the_end(self, known: Sequence[Attractor]) -> None:
         """Label all initial conditions."""
@@ -134,6 +140,9 @@ class Run:
     def described(self, settings: Mapping[str, Any], seconds: float) -> Basins:
         """Return basins with everything but labels, settling times and attractors."""
         tally, point_map = NOTHING if self.now is None else self.now.tally, self.point_map
+        if self.max_periods is None:
+            reached = self.limit if self.now is None else max(self.limit, self.now.time_limit)
+            settings = {**settings, "max_periods": reached, "goes_on": True}
         return Basins(
             labels=np.zeros(0, np.int16),
             attractors=(),
@@ -173,7 +182,7 @@ class Run:
         now = self.store.resume(examined)
         if now is None:
             small = self.client is None and isinstance(self.store, InMemory)
-            size, time_limit = _tile_size(total, self.point_map) if small else CHUNK, min(_PATIENCE, self.max_periods)
+            size, time_limit = _tile_size(total, self.point_map) if small else CHUNK, min(_PATIENCE, self.limit)
             now = Progress(tuple(known), examined, Rows(total), (), time_limit, size=size)
             if self.order and known and all(a.verified for a in known):
                 # What these attractors attract is attracted by them whatever else is found.
@@ -191,6 +200,7 @@ class Run:
             self.now = now = replace(now, tally=now.tally.plus(self.store.tallies.sum(axis=0)))
             left = self.store.where(lambda labels: labels == Label.UNDECIDED)
             if not len(left):
+                self.reasons = ()
                 return
             if states is None:
                 states = self._states(left, now)
@@ -198,9 +208,9 @@ class Run:
             missed = round(len(left) * float(np.mean(states.status == Status.INACCURATE)))
             with heeding(self.stop):
                 attractors, reasons = self._find_more(now, left, states)
+            self.reasons = reasons
             following = self._following(now, left, self._observed(attractors, len(now.attractors)))
             if following is None:
-                self.reasons = reasons
                 self.now = replace(now, tally=now.tally.plus(Tally(inaccurate=missed)))
                 return
             self.store.begin(following)
@@ -213,7 +223,7 @@ class Run:
         examined = Examined.nothing_yet(self.point_map, np.ones(self.point_map.dimension))
         now = self.store.resume(examined)
         if now is None:
-            now = Progress(tuple(known), examined, Rows(len(self.initial_conditions)), (), self.max_periods)
+            now = Progress(tuple(known), examined, Rows(len(self.initial_conditions)), (), self.limit)
             self.store.begin(now)
         self.now = now
         yield from self._label(now, None)
@@ -248,11 +258,11 @@ class Run:
         if not np.array_equal(own, examined.extent):
             fresh = Examined.nothing_yet(point_map, own)
             examined = replace(fresh, ways=whole.ways, images=whole.images, bound=whole.bound)
-        periods = self.max_periods if to_the_end else min(_PATIENCE, self.max_periods)
+        periods = self.limit if to_the_end else min(_PATIENCE, self.limit)
         try:
             with heeding(self.stop):
                 found = search(
-                    point_map, chosen, given, periods, self.longest_period, own, examined, self.stop, self.max_periods
+                    point_map, chosen, given, periods, self.longest_period, own, examined, self.stop, self.limit
                 )
                 whole.bound = examined.bound
                 if not to_the_end or not len(found.orbits):
@@ -279,7 +289,7 @@ class Run:
         rows = np.sort(np.random.default_rng(1).choice(total, OBSERVED, replace=False))
         sample = self.initial_conditions.wrapped(rows, self.point_map)
         with heeding(self.stop):
-            return with_residence(self.point_map, attractors, sample, min(_PATIENCE, self.max_periods), self.stop)
+            return with_residence(self.point_map, attractors, sample, min(_PATIENCE, self.limit), self.stop)
 
     def _label(
         self, now: Progress, states: Orbits | None, ends: Sequence[int] = ()
@@ -319,7 +329,7 @@ class Run:
     ) -> Iterator[tuple[int, Settled]]:
         """Yield what becomes of tiles as they are completed."""
         stop = self.stop if self.client is None else None
-        until = now.restart_times, now.time_limit, now.time_limit >= self.max_periods
+        until = now.restart_times, now.time_limit, now.time_limit >= self.limit
         bound = None if self.quotient is not None else now.examined.bound
         work = LabellingTask(self.point_map, self.initial_conditions, now.attractors, *until, stop, bound)
         bar = f"basins of {self.point_map.name}" if self.progress else None
@@ -335,16 +345,29 @@ class Run:
             if rows.bits is None:  # whose orbits are counted again
                 again = replace(again, tally=now.tally._replace(inaccurate=0))
             return replace(again, repeats=repeats, undecided=len(left))
-        if now.time_limit == self.max_periods:
+        if now.time_limit >= self.limit and not self._affordable(now, len(left)):
             return None
-        restart_times, time_limit = (*now.restart_times, now.time_limit), min(2 * now.time_limit, self.max_periods)
+        time_limit = 2 * now.time_limit
+        if now.time_limit < self.limit:
+            time_limit = min(time_limit, self.limit)
+        restart_times = (*now.restart_times, now.time_limit)
         after = replace(now, rows=left, restart_times=restart_times, time_limit=time_limit, tiles=None)
         return replace(after, repeats=0, undecided=None)
+
+    def _affordable(self, now: Progress, left: int) -> bool:
+        """Tell whether the orbits that are left are followed on, beyond the limit, for twice as many periods.
+
+        Few of them take no longer than the orbits that are examined after that.
+        """
+        more = any(REMEDIES[reason].startswith(MORE) for reason in self.reasons)
+        if self.max_periods is not None or not more:
+            return False
+        return max(left, ENDURANCE * ORBITS) * now.time_limit <= _FURTHER * now.tally.steps
 
     def _find_more(self, now: Progress, left: Rows, states: Orbits) -> tuple[tuple[Attractor, ...], tuple[Reason, ...]]:
         """Search the active orbits for further attractors; return all, and why the last sweep leaves orbits."""
         extent, age = now.examined.extent, now.time_limit
-        last, (point_map, known) = age >= self.max_periods, self._in_quotient(now.attractors)
+        last, (point_map, known) = age >= self.limit, self._in_quotient(now.attractors)
         states = states if self.quotient is None else self.quotient.of_orbits(states)
         rest, attractors, owners = sort_out(
             point_map, states, known, self.longest_period, extent, age, now.examined, last=last

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from cellmap import CellGrid, Label, angle, certify, discrete_map, find_attractors, find_basins, interpolated_map
+from cellmap.attractors.search import MAX_PERIODS
 from cellmap.basins import Evidence, continue_basins, refine_basins
 from cellmap.basins.certification import certified_labels
 from cellmap.basins.continuation import _outermost, _seeds
@@ -137,4 +138,5 @@ def test_attractors_are_sought_on_and_beside_where_they_were():
 def test_searches_have_the_same_limits_everywhere(name):
     """An image, a continuation, a refinement and a search of attractors alone are compared with one another."""
     functions = (find_basins, continue_basins, refine_basins, find_attractors)
-    assert len({inspect.signature(f).parameters[name].default for f in functions}) == 1
+    defaults = [inspect.signature(f).parameters[name].default for f in functions]
+    assert len({MAX_PERIODS if limit is None else limit for limit in defaults}) == 1

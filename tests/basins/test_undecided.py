@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from math import cos, cosh, pi, sin, sinh, sqrt
+import warnings
+from math import cos, cosh, exp, pi, sin, sinh, sqrt
 
 import numpy as np
 import pytest
+from known_basins import assert_same
 
 import systems
 from cellmap import (
@@ -23,7 +25,7 @@ from cellmap.attractors.kinds.chaos import examine
 from cellmap.attractors.kinds.equilibria import sticking_sets
 from cellmap.attractors.kinds.transients import Reason
 from cellmap.attractors.regions.boxes import RESIDENCE
-from cellmap.basins import run
+from cellmap.basins import UnsettledWarning, recompute_basins, refine_basins, run
 from cellmap.basins.run import _REPEATS, Run
 from cellmap.orbits import Kind
 
@@ -57,6 +59,13 @@ def fading(x, p):
 
 
 TWOFOLD = discrete_map(twofold, {"rate": 0.004}, ("x", "y", "s"))
+
+
+def tent(x, p):
+    """Chaos on [0, 1], where exp(-1 / life) of all orbits are still after each step; the others rest at 3."""
+    return (2.0 * exp(1.0 / p.life) * min(x[0], 1.0 - x[0]) if 0.0 <= x[0] <= 1.0 else 1.5 + 0.5 * x[0],)
+
+
 FADING = discrete_map(fading, {"above": 1.4, "range": -0.3, "keep": 0.99}, ("x", "y", "s"))
 CREEPING = CellGrid((-0.5, -0.1, -1.5), (0.5, 0.1, 1.5), (4, 4, 8))
 FADING_FROM = np.random.default_rng(0).uniform([-0.1, -0.1, 1.0], [0.1, 0.1, 1.0], (20, 3))
@@ -199,3 +208,25 @@ def test_sinks_of_a_tiny_window_are_listed_once(sweeps) -> None:
     assert (np.round(places) % 2 == 1).all()
     assert len(set(np.round(places))) == len(places) == 24
     assert len(sweeps) <= 3 * (_REPEATS + 1)
+
+
+def test_few_orbits_that_are_left_are_followed_on():
+    """Of a transient with a lifetime of 600 steps exp(-2000 / 600) is left at the limit; one of 10,000 stays."""
+    starts = np.random.default_rng(3).random((4000, 1))
+    short, long = (discrete_map(tent, {"life": life}, ("x",)) for life in (600.0, 1e4))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnsettledWarning)
+        limited, basins, lasting = (
+            find_basins(short, starts, 2000),
+            find_basins(short, starts),
+            find_basins(long, starts),
+        )
+    left, share = limited.labels == Label.UNDECIDED, exp(-2000 / 600)
+    assert abs(left.mean() - share) < 4.0 * sqrt(share / 4000)
+    assert (basins.labels == 0).all() and basins.undecided == {} and basins.settings["max_periods"] == 8000
+    assert np.array_equal(basins.settling_time[~left], limited.settling_time[~left])
+    assert basins.settling_time[left].min() > 2000
+    assert lasting.settings["max_periods"] == 2000 and (lasting.labels < 0).mean() > 0.75
+    assert_same(recompute_basins(basins, short), basins)
+    *_, last = refine_basins(short, starts)
+    assert_same(last.basins, basins)

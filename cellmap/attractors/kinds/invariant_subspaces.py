@@ -161,6 +161,8 @@ def neutral_family(point_map: PointMap, history: Floats, extent: Floats) -> tupl
             continue
         beside = _beside(subspace, history, exact).all(axis=0)
         if one is None:
+            if not beside.any():  # the path from which it was guessed stays near to it, and farther off than this
+                continue
             mean, _, variance = _growth(exact, subspace, history[-1, beside], 0.0)
             if abs(mean) > _EXACT or variance > _EXACT**2:
                 continue

@@ -24,7 +24,9 @@ from ..settling.settle import Catalogue, settle
 HALF = RESIDENCE // 2
 """Periods after half of its way to an attractor in which an orbit is seen to be chaotic or not."""
 
-_ENDURANCE = 5  # times its age that a chaotic orbit has to last on
+ENDURANCE = 5
+"""Times its age that a chaotic orbit has to last on."""
+
 _RECOGNISED = 4  # times the periods that it takes on a known attractor, in which it is seen to stay there
 _STRETCH = 256  # periods between looks
 _EARLY = 0.25  # of the periods, in which orbits may still be on their way
@@ -52,23 +54,25 @@ class Reason(StrEnum):
     VISITING = "visits a known chaotic attractor without staying"
 
 
-_MORE = "raise max_periods={}"
+MORE = "raise max_periods={}"
+"""What helps orbits that only have to be followed on."""
+
 REMEDIES = {
-    Reason.REGULAR: _MORE + ", tell the final states apart by classify_by_features, or add damping if nothing attracts",
-    Reason.LATE: _MORE,
-    Reason.CREEPING: _MORE + ", or take them for what they would come to: some never reach the place where they rest",
-    Reason.ENDING: _MORE,
+    Reason.REGULAR: MORE + ", tell the final states apart by classify_by_features, or add damping if nothing attracts",
+    Reason.LATE: MORE,
+    Reason.CREEPING: MORE + ", or take them for what they would come to: some never reach the place where they rest",
+    Reason.ENDING: MORE,
     Reason.PERIODIC: "take initial conditions beside lines of symmetry, lower rtol and atol of the map, move the "
     "parameters away from the bifurcation, or tell the final states apart by classify_by_features",
     Reason.FADING: "move the parameters away from the bifurcation, or use classify_by_features",
     Reason.RESONANT: "change a parameter a little, so that the rotation number moves away from the resonance",
     Reason.PRESERVED: "there is no attractor to be found: add damping",
-    Reason.TORUS: _MORE + ", or use classify_by_features: such a torus has no trapping region here",
+    Reason.TORUS: MORE + ", or use classify_by_features: such a torus has no trapping region here",
     Reason.CONSERVATIVE: "there is no attractor to be found: add damping, or use lyapunov_spectrum",
-    Reason.TRANSIENT: _MORE,
-    Reason.RIDDLED: _MORE,
-    Reason.KNOWN: _MORE,
-    Reason.VISITING: _MORE,
+    Reason.TRANSIENT: MORE,
+    Reason.RIDDLED: MORE,
+    Reason.KNOWN: MORE,
+    Reason.VISITING: MORE,
 }
 """What helps where orbits are undecided for some reason; the periods that were allowed are to be filled in."""
 
@@ -138,7 +142,7 @@ def follow_on(point_map: PointMap, points: Floats, chaotic: Bools, known: Sequen
     """
     catalogue = Catalogue.of(with_full_residence(known), point_map)
     strange = np.array([k for k, a in enumerate(known) if a.kind is Kind.CHAOTIC], np.int64)
-    periods = max([_ENDURANCE * age, *(_RECOGNISED * full_residence(known[k]) for k in strange)])
+    periods = max([ENDURANCE * age, *(_RECOGNISED * full_residence(known[k]) for k in strange)])
     owners, times = np.full(len(points), Label.UNDECIDED), np.full(len(points), -1)
     lasting, orbits, path = np.arange(len(points)), Orbits.starting(points.copy()), list[Floats]()
     for begin in range(0, periods, _STRETCH):

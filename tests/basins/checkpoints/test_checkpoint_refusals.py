@@ -80,7 +80,7 @@ def nearly_forced(t, x, p):
 
 
 CHANGES: dict[str, tuple[str, Callable[[Path], Any]]] = {
-    "limit": ("max_periods=2000", lambda path: find_basins(duffing(), WINDOW, 1999, checkpoint=path)),
+    "limit": ("max_periods=None", lambda path: find_basins(duffing(), WINDOW, 1999, checkpoint=path)),
     "period": ("longest_period=32", lambda path: find_basins(duffing(), WINDOW, longest_period=5, checkpoint=path)),
     "parameter": ("params=", lambda path: find_basins(duffing().with_params(gamma=0.11), WINDOW, checkpoint=path)),
     "grid": (
