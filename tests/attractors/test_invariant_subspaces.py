@@ -12,7 +12,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from cellmap import CellGrid, discrete_map, find_attractors, find_basins, load_basins, save_basins
 from cellmap.attractors import Label
+from cellmap.attractors.kinds.invariant_subspaces import neutral_family
 from cellmap.attractors.kinds.transients import Reason
+from cellmap.maps.orbit_batch import Orbits
+from cellmap.maps.paths import path_of
 from cellmap.orbits import Kind
 from cellmap.orbits.attractor import distinct_names
 
@@ -134,6 +137,14 @@ def test_chaos_beside_a_coordinate_that_keeps_its_value(neutral: int) -> None:
     assert [a.name for a in basins.attractors] == ["continuum of chaotic sets"]
     assert_array_equal(basins.labels, 0)
     assert_array_equal(basins.attractors[0].exponents[1:], 0.0)
+
+
+def test_a_subspace_beside_which_no_orbit_stays_is_no_family() -> None:
+    """Beside y = 0, thin for chaos that is ten times as wide as the region, orbits are twice too far away."""
+    beside = discrete_map(lambda x, p: (3.9 * x[0] * (1.0 - x[0] / 10.0), -x[1]), {}, ("x", "y"))
+    path = path_of(beside, Orbits.starting(np.array([[1.2, 2e-4], [3.3, 2e-4]])), 300)
+    family, one = neutral_family(beside, path, np.ones(2))
+    assert one is None and not family.any()
 
 
 def test_synchronized_chaos_that_attracts_everywhere_is_one_attractor() -> None:
