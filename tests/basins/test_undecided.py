@@ -212,14 +212,14 @@ def test_sinks_of_a_tiny_window_are_listed_once(sweeps) -> None:
 
 def test_few_orbits_that_are_left_are_followed_on():
     """Of a transient with a lifetime of 600 steps exp(-2000 / 600) is left at the limit; one of 10,000 stays."""
-    starts = np.random.default_rng(3).random((4000, 1))
+    states = np.random.default_rng(3).random((4000, 1))
     short, long = (discrete_map(tent, {"life": life}, ("x",)) for life in (600.0, 1e4))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnsettledWarning)
         limited, basins, lasting = (
-            find_basins(short, starts, 2000),
-            find_basins(short, starts),
-            find_basins(long, starts),
+            find_basins(short, states, 2000),
+            find_basins(short, states),
+            find_basins(long, states),
         )
     left, share = limited.labels == Label.UNDECIDED, exp(-2000 / 600)
     assert abs(left.mean() - share) < 4.0 * sqrt(share / 4000)
@@ -228,5 +228,5 @@ def test_few_orbits_that_are_left_are_followed_on():
     assert basins.settling_time[left].min() > 2000
     assert lasting.settings["max_periods"] == 2000 and (lasting.labels < 0).mean() > 0.75
     assert_same(recompute_basins(basins, short), basins)
-    *_, last = refine_basins(short, starts)
+    *_, last = refine_basins(short, states)
     assert_same(last.basins, basins)
