@@ -216,11 +216,8 @@ def test_few_orbits_that_are_left_are_followed_on():
     short, long = (discrete_map(tent, {"life": life}, ("x",)) for life in (600.0, 1e4))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnsettledWarning)
-        limited, basins, lasting = (
-            find_basins(short, states, 2000),
-            find_basins(short, states),
-            find_basins(long, states),
-        )
+        limited, basins = find_basins(short, states, 2000), find_basins(short, states)
+        lasting = find_basins(long, states)
     left, share = limited.labels == Label.UNDECIDED, exp(-2000 / 600)
     assert abs(left.mean() - share) < 4.0 * sqrt(share / 4000)
     assert (basins.labels == 0).all() and basins.undecided == {} and basins.settings["max_periods"] == 8000
