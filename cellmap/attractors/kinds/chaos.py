@@ -25,7 +25,7 @@ from ..regions.tube import SAMPLED
 from .clouds import Clouds, pieces_of, recurrent_groups
 from .creeping import creeping, orders_of
 from .exponents import AT_LEAST, growth_along, mean_exponents, pooled
-from .invariant_subspaces import attractors_in_subspaces, come_near, invariant_planes, neutral_family
+from .invariant_subspaces import attractors_in_subspaces, hold, invariant_planes, neutral_family
 from .transients import HALF, Late, Reason, follow_on
 
 EXPONENT_PERIODS = 300
@@ -104,10 +104,10 @@ def examine(
         found_early = _trapped(point_map, chosen, reach, known, late)
         if found_early is not None:
             return Examination((found_early,), ())
-    inside, absorbing = list[Attractor](), list[InvariantSubspace]()
+    inside, subspaces = list[Attractor](), list[InvariantSubspace]()
     if chaotic.any() and point_map.dimension <= SAMPLED:
         rows = np.flatnonzero(chaotic)
-        inside, owners, coming, absorbing = attractors_in_subspaces(
+        inside, owners, coming, subspaces = attractors_in_subspaces(
             point_map, chosen[rows], exponents[rows], reach, known, images, age
         )
         reasons[rows[coming]] = Reason.RIDDLED
@@ -134,7 +134,7 @@ def examine(
     if not len(rows):
         return _examined(inside, reasons)
     paths = followed.path[:, lasting][:, alive], followed.transients
-    found, reasons[rows] = _distinguished(point_map, history, exponents, *paths, reach, known, late, images, absorbing)
+    found, reasons[rows] = _distinguished(point_map, history, exponents, *paths, reach, known, late, images, subspaces)
     return _examined([*inside, *found], reasons)
 
 
@@ -210,7 +210,7 @@ def _distinguished(
     known: Sequence[Attractor],
     late: Late | None,
     images: float = 0.0,
-    absorbing: Sequence[InvariantSubspace] = (),
+    subspaces: Sequence[InvariantSubspace] = (),
 ) -> tuple[list[Attractor], NDArray[Any]]:
     """Return the new attractors of chaotic orbits (periods, n, d), and for each orbit (n,) why it is on none, or None.
 
@@ -231,7 +231,7 @@ def _distinguished(
             reasons[mine] = Reason.VISITING
         elif leaves[mine].any() or (fading is not None and g in fading):
             reasons[mine] = Reason.TRANSIENT
-        elif come_near(absorbing, history[:, mine], point_map):
+        elif hold(subspaces, history[:, mine], point_map):
             reasons[mine] = Reason.RIDDLED
         else:
             groups.append(mine)

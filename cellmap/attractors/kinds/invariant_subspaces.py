@@ -68,13 +68,13 @@ def attractors_in_subspaces(
     away from any distance, and where they come to another attractor the basin is riddled (Milnor 1985; Alexander and
     others 1992).  An orbit at a distance y goes away with a probability near y^eta, where growth to the power eta has
     the mean 1 (Ott and others 1994); it counts as converged where that is below 1e-3.  The numbers of the known
-    attractors are before those of the new ones.  Orbits beside a subspace that repels are on no attractor either.  The
-    subspaces that are not seen to repel are returned as well: no set that comes near to one is an attractor.
+    attractors are before those of the new ones.  Orbits beside a subspace that repels are on no attractor either.  All
+    these subspaces are returned as well, for :func:`hold`; those that repel have a positive exponent.
     """
     exact, turn = point_map.without_table, turns_of(point_map.coordinates)[1]
     coming, found = np.zeros(len(points), bool), list[Attractor]()
     inside = [(a, a.subspace) for a in known if a.subspace is not None and not a.subspace.is_neutral]
-    absorbing = [subspace for _, subspace in inside]
+    met = [replace(subspace, exponent=0.0) for _, subspace in inside]
     history, rotations = history_of(exact, Orbits.starting(points.copy()), 4 * _BLOCK)
     for subspace in _subspaces(exact, history + rotations * turn, extent):
         mine = np.flatnonzero(_beside(subspace, history, exact).all(axis=0) & ~coming)
@@ -91,8 +91,7 @@ def attractors_in_subspaces(
         if depth >= _DEEPEST or not (repels or _some_go_elsewhere(point_map, subspace, points[mine], known, age)):
             continue  # an attractor like others
         coming[mine] = True
-        if not repels:
-            absorbing.append(subspace)
+        met.append(replace(subspace, exponent=mean) if repels else subspace)
         if not depth:
             continue
         attracting = replace(subspace, depth=depth, exponent=mean)
@@ -102,7 +101,7 @@ def attractors_in_subspaces(
             spectrum = -np.sort(-exponents[mine[group == g]].mean(axis=0))
             sample = samples[group == g].reshape(-1, exact.dimension)
             found.append(aperiodic(Kind.CHAOTIC, sample, spectrum, exact.coordinates, subspace=attracting))
-    return found, owners_in_subspaces(point_map, points, [*known, *found]), coming, absorbing
+    return found, owners_in_subspaces(point_map, points, [*known, *found]), coming, met
 
 
 def _some_go_elsewhere(
@@ -115,6 +114,19 @@ def _some_go_elsewhere(
     others = [a for a in known if not come_near([subspace], a.points, point_map)]
     orbits = Orbits.starting(wrap(begins.reshape(-1, point_map.dimension), point_map.coordinates))
     return bool((settle(point_map, orbits, Catalogue.of(others, point_map), periods).labels != Label.UNDECIDED).any())
+
+
+def hold(subspaces: Sequence[InvariantSubspace], points: Floats, point_map: PointMap) -> bool:
+    """Tell whether a set of some points is no attractor beside one of some subspaces.
+
+    It is none if it comes near to a subspace that is not seen to repel, nor if it stays so near to one that repels that
+    it grows away from there.
+    """
+    for subspace in subspaces:
+        apart = subspace.distances(points, point_map.coordinates)
+        if apart.max() <= _DEEPEST if subspace.exponent > 0.0 else apart.min() <= _THIN:
+            return True
+    return False
 
 
 def come_near(subspaces: Sequence[InvariantSubspace], points: Floats, point_map: PointMap) -> bool:
