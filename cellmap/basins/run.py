@@ -46,7 +46,7 @@ _TILES = 128  # enough to keep all threads busy to the end
 _PATIENCE = 256  # periods before active orbits are searched for further attractors
 _REPEATS = 32  # sweeps over the same periods with ever more attractors, at most
 _FURTHER = 0.5  # of the periods that all orbits have taken, that those which are left may take beyond the limit
-_FEWER = 4  # times as many initial conditions, from which on a sample shows what residence the others need
+_FEWER = 4  # one in so many initial conditions shows what residence the others need
 _LOOKED_AT = 2**16  # active orbits, evenly spread, that are searched where more than HELD are active
 
 
@@ -284,12 +284,13 @@ class Run:
         total = len(self.initial_conditions)
         if len(attractors) > before:
             attractors = with_full_residence(attractors)
-        if total < _FEWER * OBSERVED or not unobserved(attractors):
+        number = min(total // _FEWER, OBSERVED)
+        if not number or not unobserved(attractors):
             return attractors
-        rows = np.sort(np.random.default_rng(1).choice(total, OBSERVED, replace=False))
+        rows = np.sort(np.random.default_rng(1).choice(total, number, replace=False))
         sample = self.initial_conditions.wrapped(rows, self.point_map)
         with heeding(self.stop):
-            return with_residence(self.point_map, attractors, sample, min(_PATIENCE, self.limit), self.stop)
+            return with_residence(self.point_map, attractors, sample, min(_PATIENCE, self.limit))
 
     def _label(
         self, now: Progress, states: Orbits | None, ends: Sequence[int] = ()

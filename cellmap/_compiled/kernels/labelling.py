@@ -97,10 +97,9 @@ class LabelledOrbits(NamedTuple):
     """What becomes of each orbit: state, label, settling time, and the last look before, with the point there.
 
     ``points``, ``rotations``, ``status`` are the orbits' states, at the beginning and at the end; ``residence`` counts
-    for each cover the periods inside, and ``stays`` is the longest such stay of an orbit that did not end on its
-    attractor; ``visits`` (3, n), or empty, are the owner of the ellipsoids in which an orbit was, and the ages at which
-    it was seen there first and last; ``told`` is the number of a final state in which an orbit is said to be, -1 for
-    none, or empty; ``labels_of`` are the labels of orbits that have ended, by status.
+    for each cover the periods inside; ``visits`` (3, n), or empty, are the owner of the ellipsoids in which an orbit
+    was, and the ages at which it was seen there first and last; ``told`` is the number of a final state in which an
+    orbit is said to be, -1 for none, or empty; ``labels_of`` are the labels of orbits that have ended, by status.
     """
 
     points: NDArray[np.float64]
@@ -111,7 +110,6 @@ class LabelledOrbits(NamedTuple):
     since: NDArray[np.int64]
     before: NDArray[np.float64]
     residence: NDArray[np.int64]
-    stays: NDArray[np.int64]
     visits: NDArray[np.int64]
     told: NDArray[np.int64]
     labels_of: NDArray[np.int64]
@@ -296,16 +294,11 @@ def _ends(regions, covers, limits, outcome, pool, r, owner):
             if inside and owner < 0:
                 owner = covers.owners[c]
             continue
-        if not inside and outcome.residence[c, m] > 0:
-            outcome.stays[c, m] = max(outcome.stays[c, m], outcome.residence[c, m])
         outcome.residence[c, m] = outcome.residence[c, m] + 1 if inside else 0
         if owner < 0 and (held == CERTAIN or outcome.residence[c, m] >= covers.residence[c]):
             owner, when = covers.owners[c], max(k - outcome.residence[c, m] + 1, 0)
     if owner < 0 and not ended and k < limits.end:
         return False
-    for c in range(covers.owners.size):
-        if owner != covers.owners[c]:
-            outcome.stays[c, m] = max(outcome.stays[c, m], outcome.residence[c, m])
     if owner >= 0:
         outcome.labels[m], outcome.times[m] = owner, when
     elif ended:

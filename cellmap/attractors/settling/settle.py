@@ -145,13 +145,9 @@ class Classified:
 
 @dataclass(frozen=True, eq=False)
 class Settled(Classified):
-    """The same with the last states of the undecided, ``orbits``.
-
-    ``stays``: the longest stay in each cover, in periods, of an orbit that did not end on the attractor of the cover.
-    """
+    """The same with the last states of the undecided, ``orbits``."""
 
     orbits: Orbits
-    stays: Ints
 
     @property
     def undecided(self) -> Ints:
@@ -230,7 +226,7 @@ def _settled_within(
         rows = np.flatnonzero(labels == Label.UNDECIDED)
         labels[rows], times[rows] = later.labels, later.times
     tally = Tally(*np.sum([p.tally for p in parts], axis=0).tolist())
-    return Settled(labels, times, tally, parts[-1].orbits, parts[-1].stays)
+    return Settled(labels, times, tally, parts[-1].orbits)
 
 
 def without_escaped(point_map: PointMap, settled: Settled, bound: Floats, age: int) -> Settled:
@@ -269,7 +265,6 @@ def settle_on_threads(
         np.concatenate([s.times for s in settled]),
         Tally(*np.sum([s.tally for s in settled], axis=0).tolist()),
         Orbits.joined([s.orbits for s in settled]),
-        np.max([s.stays for s in settled], axis=0),
     )
 
 
@@ -335,7 +330,6 @@ def _labelled(
         since=np.full(n, -1),
         before=np.full((n, d), np.nan),
         residence=np.zeros((len(catalogue.covers), n), np.int64),
-        stays=np.zeros((len(catalogue.covers), n), np.int64),
         visits=np.full((3, n if catalogue.regions.residence.any() else 0), -1),
         told=np.full(0 if rule is None else n, -1),
         labels_of=LABELS_OF,
@@ -372,8 +366,7 @@ def _labelled(
     labels: NDArray[Any] = outcome.labels
     if rule is None:
         labels = labels.astype(label_type(len(catalogue.attractors)))
-    stays = outcome.stays.max(axis=1, initial=0)
-    return Settled(labels, outcome.times, tally, orbits[left], stays), outcome.since, outcome.before
+    return Settled(labels, outcome.times, tally, orbits[left]), outcome.since, outcome.before
 
 
 def _rows(size: int, dimension: int) -> PoolRows:
