@@ -1,7 +1,5 @@
 """Problems, oracles and options that the whole suite shares."""
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import json

@@ -1,7 +1,5 @@
 """The programs on the pages run as they are printed, and links lead somewhere."""
 
-from __future__ import annotations
-
 import functools
 import re
 import sys

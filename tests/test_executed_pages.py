@@ -1,7 +1,5 @@
 """The build of the site compares what its executed pages print; here that comparison is tested, and what it needs."""
 
-from __future__ import annotations
-
 import code
 import importlib
 import importlib.util

@@ -1,7 +1,5 @@
 """The library as it is installed: distributions, an empty folder, no home, no POSIX; kept code needs no compiler."""
 
-from __future__ import annotations
-
 import ast
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Ctrl-C in each long public call: it is answered before the process has worked for another two seconds."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """Names of arguments: one for one thing, in all public signatures."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import pkgutil

@@ -1,7 +1,5 @@
 """Versions of packages are pinned; hosted checks, the recipe and releases say what the project says elsewhere."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import tomllib

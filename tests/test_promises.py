@@ -3,8 +3,6 @@
 Each has a small witness here; the long campaign is thorough.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import gc

@@ -1,7 +1,5 @@
 """Tests cite documents that are there, and tests/REFERENCES.md has the numbers of its independent programs."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from pathlib import Path

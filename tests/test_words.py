@@ -5,8 +5,6 @@ docstrings without examples, names of arguments and references, comments, and st
 text is a further function of `SOURCES`.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Callable, Iterator

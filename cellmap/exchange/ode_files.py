@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from .._compiled.codegen.functions import OF_MATH
 from .._lib.checks import abridged
 from .._lib.files import as_path
 from .._lib.signatures import checked
@@ -26,7 +27,7 @@ _PRECEDENCE = {"+": 4, "-": 4, "|": 4, "*": 6, "/": 6, "&": 6} | dict.fromkeys("
 
 _PYTHON = {"^": "**", "&": "and", "|": "or"}
 _TOKEN = re.compile(r"\s*(\d+\.?\d*(?:e[+-]?\d+)?|\.\d+(?:e[+-]?\d+)?|[a-z]\w*|\*\*|[<>=!]=|[-+*/^&|<>(),])")
-_FUNCTIONS = {name: name for name in "sin cos tan asin acos atan atan2 sinh cosh tanh exp sqrt log10 erf erfc".split()}
+_FUNCTIONS = {name: name for name in OF_MATH}
 _FUNCTIONS |= {"ln": "log", "log": "log", "abs": "abs", "max": "max", "min": "min", "flr": "floor"}
 _FUNCTIONS |= {"sign": "sign", "heav": "heav", "mod": "mod", "not": "not", "lgamma": "lgamma", "besselj": "besselj"}
 _SCOPE: dict[str, Any] = {name: getattr(math, name) for name in _FUNCTIONS.values() if hasattr(math, name)} | {

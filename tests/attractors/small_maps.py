@@ -1,7 +1,5 @@
 """Maps with known attractors, and points in the neighbourhoods of attractors."""
 
-from __future__ import annotations
-
 from math import pi, sin
 
 import numpy as np

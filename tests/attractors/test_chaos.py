@@ -1,7 +1,5 @@
 """Chaotic attractors: recognised by their exponents, kept apart, held by boxes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import exp, log, pi, sin, sqrt
 

@@ -1,7 +1,5 @@
 """Chaotic attractors that come close to each other are two; one of several bands, or with rare changes, is one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

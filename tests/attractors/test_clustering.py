@@ -1,7 +1,5 @@
 """Attractors distinguished by features of orbits."""
 
-from __future__ import annotations
-
 from math import pi, sin, sqrt
 from typing import Any
 

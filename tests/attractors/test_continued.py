@@ -1,7 +1,5 @@
 """Attractors followed to other parameters, against searches that begin from nothing."""
 
-from __future__ import annotations
-
 from math import pi, tanh
 
 import numpy as np

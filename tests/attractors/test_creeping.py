@@ -1,7 +1,5 @@
 """Orbits that come to rest ever more slowly: told from others, and held at the edges of sticking sets."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

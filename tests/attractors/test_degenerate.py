@@ -1,7 +1,5 @@
 """Multipliers of exactly 1 and -1: cycles that attract by a power of time are no continua, whatever their order."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

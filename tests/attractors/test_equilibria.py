@@ -1,7 +1,5 @@
 """Sticking sets: continua of equilibria with dry friction."""
 
-from __future__ import annotations
-
 from math import asin, cos, pi
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Orbits that nothing bounds have diverged, long before 1e100; those that come back from far away have not."""
 
-from __future__ import annotations
-
 from math import pi, sin
 
 import numpy as np

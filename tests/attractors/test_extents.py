@@ -1,7 +1,5 @@
 """Units of coordinates: from where orbits go, not from how small the region is where they begin."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A search whose end is asked for ends after the step of the map that is under way, whatever it is doing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from math import pi, sin

@@ -1,7 +1,5 @@
 """Chaos in and beside invariant subspaces: Milnor attractors, attractors on two sides of a plane, neutral families."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import exp, log
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Limit cycles of autonomous systems: the same ones with the same regions, however often they are sampled."""
 
-from __future__ import annotations
-
 from math import exp, pi
 
 import numpy as np

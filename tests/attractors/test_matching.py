@@ -1,7 +1,5 @@
 """Attractors of neighbouring parameter values, matched by distance and rotation number."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

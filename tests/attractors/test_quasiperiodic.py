@@ -1,7 +1,5 @@
 """Quasi-periodic attractors: invariant curves, rotation numbers, limit cycles of autonomous systems."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin
 
 import matplotlib as mpl

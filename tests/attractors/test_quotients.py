@@ -1,7 +1,5 @@
 """Continuous symmetries: found in the right-hand side, and attractors that are orbits of their group."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin
 
 import numpy as np

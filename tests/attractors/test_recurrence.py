@@ -1,7 +1,5 @@
 """Quasi-periodic attractors in many dimensions, found by recurrence."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import cos, exp, pi, sin
 

@@ -1,7 +1,5 @@
 """How long orbits have to stay on a chaotic attractor, and how many of them are followed for long."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import pi
 

@@ -1,7 +1,5 @@
 """Attractors: found without being told how many, refined, and proven stable."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin, sqrt
 
 import numpy as np

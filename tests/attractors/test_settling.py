@@ -1,7 +1,5 @@
 """Labels and settling times of single orbits, against iteration step by step."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import pi, sin
 

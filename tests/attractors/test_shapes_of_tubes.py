@@ -1,7 +1,5 @@
 """Distances to curves, segments and tori, surfaces beside these and boxes in tubes, against elementary geometry."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import pi
 

@@ -1,7 +1,5 @@
 """Invariant tori of two frequencies: rotation vectors, closed forms, what is none, labels and files."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin, sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Attractors that are one and the same, full rotations apart, in a coordinate that was not declared as an angle."""
 
-from __future__ import annotations
-
 import warnings
 from math import cos, pi, sin
 

@@ -1,7 +1,5 @@
 """Neighbourhoods of attractors: every orbit from inside them goes to that attractor."""
 
-from __future__ import annotations
-
 from math import exp, pi, sqrt, tanh
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Maps whose basins are known, and what is said of them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass

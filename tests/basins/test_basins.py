@@ -1,7 +1,5 @@
 """Basins: counts that two independent programs agree on, published shares, symmetry, verification, determinism."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import sqrt
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Basins by features of orbits, against verified basins, SciPy and closed forms."""
 
-from __future__ import annotations
-
 from math import pi
 from typing import Any
 

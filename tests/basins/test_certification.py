@@ -1,7 +1,5 @@
 """Certified basin images against direct integration and closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import exp, inf, pi, sin
 

@@ -1,7 +1,5 @@
 """Labels to a tolerance of their own, with an audit by the map itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import pi
 

@@ -1,7 +1,5 @@
 """Sweeps over a parameter with tables and states over it: the labels of each value alone, audited."""
 
-from __future__ import annotations
-
 from math import exp
 
 import numpy as np

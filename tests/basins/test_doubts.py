@@ -1,7 +1,5 @@
 """Basins in which many initial conditions have no attractor: how many, why, and what to change."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin
 
 import pytest

@@ -1,7 +1,5 @@
 """Error ellipsoids of certificates, and the cells that they reach."""
 
-from __future__ import annotations
-
 import dataclasses
 from math import sin
 

@@ -1,7 +1,5 @@
 """Basins against a parameter: reference counts, births and deaths of attractors, labels that persist, interruption."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 from math import cos, pi, sin, sqrt, tanh

@@ -1,7 +1,5 @@
 """Images that follow a parameter through chaos, tori, continua and back equal those of basins found from nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from math import cos, pi, tanh
 

@@ -1,7 +1,5 @@
 """Labels of arbitrary points from known basins, final states by rules, and basins recomputed from their settings."""
 
-from __future__ import annotations
-
 import pickle
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Live images: those of find_basins at each parameter, with attractors that keep their identity; the newest wins."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Mapping

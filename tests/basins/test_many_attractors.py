@@ -3,8 +3,6 @@
 But for one test that has as many, 40 count as too many for 16 bits.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import floor
 

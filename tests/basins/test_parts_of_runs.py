@@ -1,7 +1,5 @@
 """Parts of the ways to basins: rows, extents, memory, creeping orbits; late and resting orbits in certificates."""
 
-from __future__ import annotations
-
 import inspect
 from dataclasses import replace
 from math import cos, log, pi

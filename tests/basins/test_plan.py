@@ -1,7 +1,5 @@
 """Plans: the logic of the choice on made-up measurements, and the accuracy of what is chosen on real ones."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from math import pi, sin

@@ -1,7 +1,5 @@
 """Proved labels against exact basins, other labels, orbits, and another program."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin
 
 import numpy as np

@@ -4,8 +4,6 @@ Each smooth image equals, cell by cell, the labels of `tests/reference/basin_ima
 period (Henon: the map in NumPy).  ``pytest --update-reference`` redraws those in tests/reference/ on purpose.
 """
 
-from __future__ import annotations
-
 import runpy
 from math import pi
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Random maps, by new parameters of a few compiled families: errors of tables, and labels of certificates."""
 
-from __future__ import annotations
-
 from math import cos, exp, inf, pi, sin
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Images from coarse to fine, and calls of bounded time: the same bits as a whole call, in any order, or a warning."""
 
-from __future__ import annotations
-
 import gc
 import threading
 import time

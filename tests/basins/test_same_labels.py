@@ -1,7 +1,5 @@
 """The same question has the same labels: threads, order, grids and points, known attractors."""
 
-from __future__ import annotations
-
 from math import exp
 
 import numpy as np

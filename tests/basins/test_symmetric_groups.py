@@ -1,7 +1,5 @@
 """Groups of attractors under symmetries: necklaces of wells, half a period, clouds, and what is no symmetry."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import matplotlib as mpl

@@ -1,7 +1,5 @@
 """Timings behind plans, on a clock that goes on only by known work."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

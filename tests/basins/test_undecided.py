@@ -1,7 +1,5 @@
 """Basins come to an end: known chaotic attractors are recognised, sweeps are bounded, undecided orbits have reasons."""
 
-from __future__ import annotations
-
 import warnings
 from math import cos, cosh, exp, pi, sin, sinh, sqrt
 

@@ -1,7 +1,5 @@
 """Verification of labels by random initial conditions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import sqrt
 

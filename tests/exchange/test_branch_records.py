@@ -1,7 +1,5 @@
 """Branches and curves through netCDF files and in AUTO's format, and restarts at their points."""
 
-from __future__ import annotations
-
 from math import cos, pi
 from pathlib import Path
 from typing import Any

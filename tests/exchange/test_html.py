@@ -1,7 +1,5 @@
 """What notebooks show: short tables of escaped text, and of basins a small image."""
 
-from __future__ import annotations
-
 import base64
 import re
 from dataclasses import replace

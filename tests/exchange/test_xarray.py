@@ -1,7 +1,5 @@
 """Results as labelled arrays of xarray, through netCDF files and back, and as tables of pandas."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import sys

@@ -1,7 +1,5 @@
 """Every hard case comes out as it must; the study and the documentation show the same cases."""
 
-from __future__ import annotations
-
 import importlib.util
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Hard cases of docs/hard-cases.md with known answers: what must not become an attractor, and what must not be lost."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

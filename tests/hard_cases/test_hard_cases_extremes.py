@@ -1,7 +1,5 @@
 """Hard cases with numbers beyond all bounds, attractors that are very small or close together, and other units."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Ends: orbits that end where a guard becomes positive, with a name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from math import cos, log, pi, sin
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Legends of figures."""
 
-from __future__ import annotations
-
 from matplotlib.axes import Axes
 
 

@@ -1,7 +1,5 @@
 """One function for the figures of all results, and one contract for what they return; what is loaded when."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import subprocess

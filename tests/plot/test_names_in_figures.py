@@ -1,7 +1,5 @@
 """Names and units in figures: of attractors, parameters and axes; those that cannot be shown are refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from math import cos, pi, tanh

@@ -1,7 +1,5 @@
 """Basin images: what is drawn where, in which colour, under which name."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Figures of branches and stability maps: lines against closed forms, branch cuts, markers, classes, legends."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import pi, sqrt
 from typing import Any

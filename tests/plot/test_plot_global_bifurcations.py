@@ -1,7 +1,5 @@
 """Figures of atlases, connecting orbits, invariant circles and Arnold tongues."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import pi, sin
 

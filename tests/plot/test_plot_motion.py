@@ -1,7 +1,5 @@
 """Figures of motions: which curves are drawn, where they are cut, and films that are whole files."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin
 
 import matplotlib.pyplot as plt

@@ -1,7 +1,5 @@
 """Figures of box sets, Morse graphs, transfer operators, cell mappings, fits, dimensions and certificates."""
 
-from __future__ import annotations
-
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest

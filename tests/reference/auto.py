@@ -7,8 +7,6 @@ the phase of the forcing are two more unknowns, on the stable circle of a Hopf o
 branches are solved for by SciPy, and stored with the reason.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

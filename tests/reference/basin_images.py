@@ -6,8 +6,6 @@ Attractors are listed in the order of their colours; an orbit has the label of t
 it is after many periods.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import pi
 from pathlib import Path

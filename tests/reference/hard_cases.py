@@ -5,8 +5,6 @@ precision (33 digits), from the right-hand side of the reference system in plain
 come from the closed form in 80 digits, by mpmath.
 """
 
-from __future__ import annotations
-
 import json
 from itertools import product
 from math import pi

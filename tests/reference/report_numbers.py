@@ -4,8 +4,6 @@ The right-hand sides are written out here, the integrator is DOP853 at 1e-13, an
 by SciPy's hybrid of Newton's: nothing is shared with cellmap.
 """
 
-from __future__ import annotations
-
 from math import acos, asin, cos, pi, sin, sqrt
 from typing import Any, NamedTuple
 

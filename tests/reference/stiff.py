@@ -4,8 +4,6 @@ It is an implicit Runge-Kutta method of order 5 with its own steps and its own e
 the integrators of cellmap.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import cos, exp, pi, tanh
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Maps and windows that several tests of sets look at."""
 
-from __future__ import annotations
-
 from math import pi
 
 import systems

@@ -1,7 +1,5 @@
 """Sets of boxes and the images of boxes."""
 
-from __future__ import annotations
-
 from math import nextafter, pi
 
 import numpy as np

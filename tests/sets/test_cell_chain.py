@@ -1,7 +1,5 @@
 """Generalized cell mapping: chains by hand, in closed form, against brute force."""
 
-from __future__ import annotations
-
 from itertools import product
 from math import gcd
 

@@ -1,7 +1,5 @@
 """Simple cell mapping: cells to cells, groups, windows put together, basins."""
 
-from __future__ import annotations
-
 import itertools
 from math import cos, pi, sin, tanh
 

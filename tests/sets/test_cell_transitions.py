@@ -1,7 +1,5 @@
 """Transitions between cells, invariant measures, and basins from a Markov chain on cells."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Invariant sets, Morse graphs and manifolds, against sets that are known."""
 
-from __future__ import annotations
-
 from math import log
 
 import numpy as np

@@ -3,8 +3,6 @@
 Arguments that are wrong by themselves are those of `tests/_lib/bad_input/`.
 """
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

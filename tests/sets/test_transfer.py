@@ -1,7 +1,5 @@
 """Transfer operators: densities, roots of unity, almost invariant sets."""
 
-from __future__ import annotations
-
 from math import log, pi
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The site that the last build has made, as a browser without a network shows it; `make check-site` runs this."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

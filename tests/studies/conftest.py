@@ -1,7 +1,5 @@
 """What tests of studies share: no window is opened, and one way to run a study quickly."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType

@@ -1,7 +1,5 @@
 """The study of the pendulum's boundary: smooth, fractal, and measured by boxes on lines and in images."""
 
-from __future__ import annotations
-
 import pytest
 
 from cellmap import CellGrid, find_basins, stroboscopic_map

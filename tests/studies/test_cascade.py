@@ -1,7 +1,5 @@
 """The study of period doublings: known limits of stability, symmetry, universality, brute force against branches."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

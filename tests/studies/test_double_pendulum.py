@@ -1,7 +1,5 @@
 """Studies of pendulums with several links and of the report's swings: the numbers that their docstrings promise."""
 
-from __future__ import annotations
-
 from math import nan, pi, sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Studies that must give numbers known otherwise: cell mappings, fractals, proofs and a published basin."""
 
-from __future__ import annotations
-
 import re
 from math import pi
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Studies of measurements: films, decays and shakers, with the truth known."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

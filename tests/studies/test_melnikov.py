@@ -1,7 +1,5 @@
 """The study of Melnikov's criterion: its formula, the manifolds, and the rules for two wells."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from math import cosh, pi

@@ -1,7 +1,5 @@
 """Systems of a public collection: attractors known by number, and fractions of basins computed otherwise."""
 
-from __future__ import annotations
-
 import pytest
 
 from cellmap import Label

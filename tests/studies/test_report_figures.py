@@ -1,7 +1,5 @@
 """Small runs of the studies of the report's figures: the numbers that their docstrings promise."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from math import asin, pi

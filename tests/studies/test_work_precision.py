@@ -1,7 +1,5 @@
 """The frozen images are those of the problems, and every part of the study returns what it says."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Right-hand sides of textbooks, as a reader would write them, with no word on how to integrate them."""
 
-from __future__ import annotations
-
 from math import cos, exp, pi, sin
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Systems of textbooks as they stand there: attractors and basins against SciPy, closed forms and published numbers."""
 
-from __future__ import annotations
-
 import functools
 import warnings
 from math import exp, sqrt

@@ -1,7 +1,5 @@
 """Systems of textbooks, with the initial conditions of their basins."""
 
-from __future__ import annotations
-
 from math import cos, log, pi, sin
 
 import right_hand_sides as rhs

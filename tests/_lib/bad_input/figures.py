@@ -1,7 +1,5 @@
 """What a figure shows, in words and numbers: where artists of each kind are, how they look, and what is written."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

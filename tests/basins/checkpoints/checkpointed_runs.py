@@ -1,7 +1,5 @@
 """Runs with a checkpoint, and how they are ended early."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from functools import partial

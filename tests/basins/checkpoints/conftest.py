@@ -1,7 +1,5 @@
 """Runs that were not disturbed."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Runs that end early go on to the same bits."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Checkpoints that are damaged, foreign, or of another run."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Files of runs with a checkpoint: those of others, of dead processes, and where there is no room for them."""
 
-from __future__ import annotations
-
 import contextlib
 import subprocess
 import sys

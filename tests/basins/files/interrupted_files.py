@@ -1,7 +1,5 @@
 """Files of basins, of runs that ended early, and how they are read."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Basins of every kind that are stored."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

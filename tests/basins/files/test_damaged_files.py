@@ -1,7 +1,5 @@
 """Damaged files: an error that names the file, or what was written."""
 
-from __future__ import annotations
-
 import faulthandler
 import json
 import shutil

@@ -1,7 +1,5 @@
 """Files that were made to do harm, with the right checksums: an error that names the file, at once."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Basins in files: complete, self-describing, read without running code."""
 
-from __future__ import annotations
-
 import json
 import pickle
 import shutil

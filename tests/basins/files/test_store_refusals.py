@@ -1,7 +1,5 @@
 """Files of basins that are damaged, foreign or newer, and arguments that cannot be stored."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

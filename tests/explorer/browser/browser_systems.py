@@ -1,7 +1,5 @@
 """Systems that pages in a browser show."""
 
-from __future__ import annotations
-
 from math import pi, sin
 
 from served_pages import WELLS, push
