@@ -27,9 +27,8 @@ _PRECEDENCE = {"+": 4, "-": 4, "|": 4, "*": 6, "/": 6, "&": 6} | dict.fromkeys("
 
 _PYTHON = {"^": "**", "&": "and", "|": "or"}
 _TOKEN = re.compile(r"\s*(\d+\.?\d*(?:e[+-]?\d+)?|\.\d+(?:e[+-]?\d+)?|[a-z]\w*|\*\*|[<>=!]=|[-+*/^&|<>(),])")
-_FUNCTIONS = {name: name for name in OF_MATH}
-_FUNCTIONS |= {"ln": "log", "log": "log", "abs": "abs", "max": "max", "min": "min", "flr": "floor"}
-_FUNCTIONS |= {"sign": "sign", "heav": "heav", "mod": "mod", "not": "not", "lgamma": "lgamma", "besselj": "besselj"}
+_FUNCTIONS = {name: name for name in (*OF_MATH, *"abs max min sign heav mod not lgamma besselj".split())}
+_FUNCTIONS |= {"ln": "log", "flr": "floor"}
 _SCOPE: dict[str, Any] = {name: getattr(math, name) for name in _FUNCTIONS.values() if hasattr(math, name)} | {
     "__builtins__": {},
     "abs": abs,
