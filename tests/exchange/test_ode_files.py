@@ -74,6 +74,7 @@ def test_groups_maps_and_angles(tmp_path: Path) -> None:
         ),
         ("table w % 3 0 1 t\nx'=w(x)\n", "line 1, table w .*: tables cannot be read"),
         ("x'=__import__*x\n", "not understood"),
+        ("x'=-k*x\npar a=1\n", "k is not defined"),
         ("x'=c\nc=d+1\nd=c\n", "is defined by itself"),
         ("x'=1\nglobal 1 x-1 {k=2}\npar k=1\n", "global sets k, which is no variable"),
         ("n(t+1)=n+t\n", "the map depends on t"),
