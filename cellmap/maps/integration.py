@@ -356,7 +356,7 @@ class Flow:
     """The motion of a system over a stretch of time, compiled, with its tolerance.  Call it with orbits.
 
     ``unknown_formulas`` is the reason why the right-hand side is compiled as it is, empty where its formulas are known.
-    ``vectors`` is how many vectors of derivatives are behind each state.  Orbits that it is wrong for are
+    ``vectors`` is how many vectors of derivatives are behind each state.  Orbits that no number of steps does for are
     handed over to ``stiff``, the method for stiff systems, where there is one.
     """
 

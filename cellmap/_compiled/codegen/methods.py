@@ -78,7 +78,7 @@ def taylor_order(rtol: float, trace: Trace | None = None, expanded: Sequence[Exp
 _TABLEAUS = {"DOP853": dop853, "RK45": rk45}
 
 MIXED = "mixed"
-"""Taylor or DOP853, and Rosenbrock for orbits in which these are unstable, or wrong."""
+"""Taylor or DOP853, and Rosenbrock for orbits in which these are unstable, or miss the tolerance."""
 
 METHOD_NAMES = ("auto", *_TABLEAUS, "Taylor", "Rosenbrock", MIXED)
 

@@ -301,9 +301,9 @@ def _compare(motion, batch, points, members):
 
 @inlined
 def _hand_over(motion, batch, points, members, handed):
-    """Put those aside whose images are wrong, at their initial points; return how many there are by now."""
+    """Put those aside that another method is to take, at their initial points; return how many there are by now."""
     for m in range(members.size):
-        if batch.rungs[m] != MET and _most_to_see(motion, batch, members[m], m) > 0:
+        if batch.rungs[m] < MET or (batch.rungs[m] > MET and _is_wrong(motion, batch, members[m], m)):
             batch.rungs[m], batch.aside[handed] = MET, members[m]
             handed += 1
             for j in range(points.shape[1]):
