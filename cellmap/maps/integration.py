@@ -383,17 +383,17 @@ class Flow:
     @computed_once
     def numbers(self) -> Motions:
         """The numbers that the integrator takes."""
+        usual = self._motion(self.kernel)
         if self.stiff is None:
-            return Motions(self._motion(self.kernel, self.max_steps))
-        usual = self._motion(self.kernel, self.max_steps)
-        stiff = self._motion(self.stiff, self.max_steps)
+            return Motions(usual)
+        stiff = self._motion(self.stiff)
         fewest = max(self.rtol, float(self.atol.max())) ** _FEWEST
         unstable = min(int(np.searchsorted(usual.ladder, fewest)), len(usual.ladder) - 1)
         return Motions(usual._replace(hands_over=1, unstable=unstable), stiff._replace(price=_ROSENBROCK_WORK))
 
-    def _motion(self, kernel: PeriodKernel, max_steps: int) -> Motion:
+    def _motion(self, kernel: PeriodKernel) -> Motion:
         """The numbers that one method takes."""
-        ladder, tolerance = _ladder(max_steps), max(self.rtol, float(self.atol.max()))
+        ladder, tolerance = _ladder(self.max_steps), max(self.rtol, float(self.atol.max()))
         margin = kernel.margin(tolerance)
         climb = (4 if kernel.own_steps else 3) * _RUNGS_PER_OCTAVE
         compared = ((climb if kernel.own_steps else _RUNGS_TO_COMPARE) - 0.5) / _RUNGS_PER_OCTAVE
@@ -403,7 +403,7 @@ class Flow:
             longest = self.length / self.fewest_steps  # or a step would pass over a pulse of the forcing
             context, coarse = (
                 np.array([f * self.rtol / margin, _OWN_STEPS * steps, longest, *largest, *(f * self.atol / margin)])
-                for f, steps in ((1.0, max_steps), (_AT_POLES / tolerance, _ENOUGH))
+                for f, steps in ((1.0, self.max_steps), (_AT_POLES / tolerance, _ENOUGH))
             )
             context, coarse = context.view(np.int64), coarse.view(np.int64)
         return Motion(

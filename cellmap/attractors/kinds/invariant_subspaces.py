@@ -111,7 +111,7 @@ def _some_go_elsewhere(
     steps = np.concatenate([sign * step * np.diag(subspace.sizes) for step in _BESIDE for sign in (-1.0, 1.0)])
     begins = np.repeat(subspace.projected(points, point_map.coordinates)[None], len(steps), axis=0)
     begins[..., subspace.pivots] += steps[:, None]
-    others = [a for a in known if not come_near([subspace], a.points, point_map)]
+    others = [a for a in known if not _beside(subspace, a.points, point_map).any()]
     orbits = Orbits.starting(wrap(begins.reshape(-1, point_map.dimension), point_map.coordinates))
     return bool((settle(point_map, orbits, Catalogue.of(others, point_map), periods).labels != Label.UNDECIDED).any())
 
@@ -127,11 +127,6 @@ def hold(subspaces: Sequence[InvariantSubspace], points: Floats, point_map: Poin
         if apart.max() <= _DEEPEST if subspace.exponent > 0.0 else apart.min() <= _THIN:
             return True
     return False
-
-
-def come_near(subspaces: Sequence[InvariantSubspace], points: Floats, point_map: PointMap) -> bool:
-    """Tell whether any of some points comes near to one of some subspaces."""
-    return any(_beside(s, points, point_map).any() for s in subspaces)
 
 
 def _beside(subspace: InvariantSubspace, points: Floats, point_map: PointMap) -> Bools:
