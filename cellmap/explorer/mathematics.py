@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from html import escape
 from math import pi, prod
 
+from .._compiled.codegen.branches import BranchingGraph
 from .._compiled.codegen.expression import Expression, UntraceableError, in_order
 from .._compiled.codegen.trace import empty_trace
 from ..maps.discrete import Discrete
@@ -99,9 +100,9 @@ def _traced(system: ForcedSystem | PointMap) -> tuple[tuple[Expression, ...], tu
         if not isinstance(spec, Discrete):
             raise UntraceableError("no formulas")
         function = spec.function
-        inputs = empty_trace(len(system.coordinates), len(names), modes=False)
+        inputs = empty_trace(len(system.coordinates), len(names), BranchingGraph(modes=False))
         return inputs.graph.trace_paths(inputs.run(lambda t, x, p: function(x, p), names)), names
-    inputs = empty_trace(system.dimension, len(names), modes=False)
+    inputs = empty_trace(system.dimension, len(names), BranchingGraph(modes=False))
     further: tuple[tuple[Expression, ...], ...] = ()
     if system.switches is not None:
         surfaces = inputs.graph.trace_paths(inputs.run(system.switches, names))

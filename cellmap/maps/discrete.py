@@ -24,7 +24,17 @@ from .._lib.signatures import checked
 from .compiled_advance import DiscreteAdvance
 from .coordinates import Coordinate, as_coordinates, turns_of
 from .impacts import check_ends
-from .misread import as_vectors, asks_for_more, called_twice, check_compiled, lacking, too_few, trial_state, undefined
+from .misread import (
+    as_vectors,
+    asks_for_more,
+    called_twice,
+    check_compiled,
+    lacking,
+    too_few,
+    trial_state,
+    undefined,
+    warn_of_cost,
+)
 from .orbit_batch import Orbits, Status
 from .parameters_as_states import swept_axes, swept_function, swept_guard
 from .periodicity import value_at
@@ -161,6 +171,8 @@ class Discrete(MapSpec[PointMap]):
         if self._formulas:
             record = parameter_record(tuple(self.params))(*self.params.values())
             check_compiled("function", lambda t, x: self._mapped(x, record), kernel, d, parameters, 0.0)
+            place, function = (*trial_state(d), *parameters.tolist()), _timeless(self._mapped)
+            warn_of_cost(f"function of {name}", self._formulas, function, tuple(self.params), place, kernel, "")
         lower, turn = turns_of(self.coordinates)
         anywhere = np.zeros(2 * d)
 

@@ -26,7 +26,7 @@ from .._lib.arrays import Bools, Floats, Ints
 from .._lib.computed import computed_once
 from .coordinates import turns_of
 from .formulas import Formulas
-from .misread import check_compiled
+from .misread import check_compiled, trial_state, warn_of_cost
 from .orbit_batch import Orbits
 from .reversals import warn_of_reversals
 from .system import ForcedSystem
@@ -79,7 +79,11 @@ def flow(
         keeps_zero=_keeps_zero(known, floors / length),
     )
     if known.unknown and not known.has_events:
-        check_compiled("rhs", system.derivative, chosen.kernel.advance, system.dimension, chosen.parameters, _SHORT)
+        kernel, parameters, names = chosen.kernel, chosen.parameters, tuple(system.params)
+        check_compiled("rhs", system.derivative, kernel.advance, system.dimension, parameters, _SHORT)
+        place = (*trial_state(system.dimension), *parameters.tolist())
+        name = f"rhs of {system.name}"
+        warn_of_cost(name, known.unknown, system.rhs, names, place, kernel.advance, kernel.method)
     if method == "auto" and known.plain is not None and not known.plain.has_branches:
         chosen = _fitting(chosen, known)
     return replace(chosen, checked=_checked(chosen, turns_of(system.axes), bounds))

@@ -10,9 +10,11 @@ import numpy as np
 
 from .._compiled.codegen.expression import ImpureError
 from .._compiled.codegen.period import CompiledPeriod
+from .._compiled.codegen.slowdown import slowdown
 from .._compiled.codegen.trace import State
 from .._compiled.kernels.blocks import LANES
 from .._lib.arrays import Floats
+from .._lib.checks import warn_caller
 from .coordinates import Coordinate
 from .scipy_signature import line_for
 
@@ -164,6 +166,24 @@ def check_compiled(
                 f"{name} is {expected.tolist()} at {x.tolist()}, but {found.tolist()} once it is compiled: its whole "
                 "numbers are larger than 2**63, or it does what has another meaning there; compute with floats"
             )
+
+
+def warn_of_cost(
+    name: str,
+    unknown: str,
+    function: Callable[..., Any],
+    names: tuple[str, ...],
+    place: tuple[float, ...],
+    compiled: CompiledPeriod,
+    method: str,
+) -> None:
+    """Warn of a function without formulas, with the reason and by how much a step takes longer than with them."""
+    factor = slowdown(function, names, place, compiled, method)
+    long = f"{factor:.2g} times as long as with them (measured at one state)"
+    if not factor > 0.0:
+        long = "some 20 to 80 times as long as with them (estimated: other functions did)"
+    step = "one step" if method else "one image"
+    warn_caller(f"{name}: its formulas are not known, so that {step} takes {long}. The reason: {unknown}")
 
 
 def short(values: Sequence[float] | Floats, digits: int = 6) -> str:

@@ -416,3 +416,25 @@ def test_derivatives_are_those_of_differences(rhs, period, points, tolerance, si
     exact, points = strobe(rhs, period, tolerance=tolerance), np.array(points)
     columns = [(exact(points + size * e) - exact(points - size * e)) / (2.0 * size) for e in np.eye(2)]
     np.testing.assert_allclose(jacobian(exact, points), np.stack(columns, axis=-1), rtol=0.0, atol=error)
+
+
+def test_equality_is_that_of_values():
+    def pendulum(t, x, p):
+        q, v = x
+        return v, -q * (1.0 if q == 0 else math.sin(q) / q) - (0.1 * v if p.kind == 1 else 0.0)
+
+    def smooth(t, x, p):
+        return x[1], -math.sin(x[0]) - 0.1 * p.kind * x[1]
+
+    places = [[0.0, 0.0], [0.0, 1.0], [1.0, 0.5]]  # at rest, and on the surface where sin(q) / q is written apart
+    for kind in (1.0, 0.0):
+        first, second = (
+            stroboscopic_map(ForcedSystem(rhs, {"kind": kind}, 2.0, ("q", "v"))) for rhs in (pendulum, smooth)
+        )
+        assert first.unknown_formulas == ""
+        assert np.abs(first(places) - second(places)).max() < 1e-9
+        assert np.abs(jacobian(first, places) - jacobian(second, places)).max() < 1e-7
+    image = discrete_map(
+        lambda x, p: (7.0 if x[0] != 0.5 else 1.0, np.where(x[1] == x[0], 3.0, x[1] or -1.0)), {}, ("x", "y")
+    )
+    assert image([[0.5, 0.0], [0.5, 0.5], [0.25, 2.0]]).tolist() == [[1.0, -1.0], [1.0, 3.0], [7.0, 2.0]]

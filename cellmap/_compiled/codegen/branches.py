@@ -123,6 +123,15 @@ class BranchingGraph(Graph):
         """Return the comparison a > b, or a >= b."""
         return Comparison(self, self.ordered(self.difference(a, b)), strictly)
 
+    def equal(self, a: Any, b: Any, *, inverted: bool = False) -> Comparison:
+        """Return whether two expressions are equal, of which a motion that meets events knows nothing."""
+        if self._is_input(self.difference(a, b)):
+            raise UntraceableError(
+                "it compares by == or != what moves, which is so at single moments that are no events: compare by >= "
+                "or <=, or declare impacts or ends there"
+            )
+        return super().equal(a, b, inverted=inverted)
+
     def ordered(self, difference: Expression) -> Expression:
         """Return a difference that is compared: Python has complex powers of negative numbers, without an order."""
         powers = [e for e in in_order([difference]) if e.operation == "pow"] if not self.modes else []

@@ -89,11 +89,14 @@ def _operator(operation: str, swapped: bool = False) -> Callable[..., Any]:
     return apply
 
 
-def _refusing(what: str) -> Callable[..., Any]:
-    """Return a method of an expression that no formula has."""
+def _refusing(what: str, kind: type[Any] | None = None) -> Callable[..., Any]:
+    """Return a method of an expression that no formula has; a number of some kind where the graph knows values."""
 
     def refuse(self: Any, *_: object) -> Any:
-        raise UntraceableError(f"the value of a state variable, of time or of a parameter {what}")
+        refusal = UntraceableError(f"the value of a state variable, of time or of a parameter {what}")
+        if kind is None:
+            raise refusal
+        return kind(self.graph.number(self, refusal))
 
     return refuse
 
@@ -136,11 +139,27 @@ class Expression:
         """Whether it is the constant zero."""
         return bool(self.operation == "constant" and self.value == 0.0)
 
-    __bool__ = __eq__ = __ne__ = _refusing("decides a branch")
-    __float__ = _refusing("goes to a function that takes plain floats, which has no formula here")
-    __int__ = __index__ = _refusing("counts: it is an index, the length of a loop, or goes to an array of integers")
-    __iter__ = __len__ = _refusing("is taken for several")
+    __float__ = _refusing(
+        "goes to a function that takes plain floats, which has no formula here: interpolate that function, by a "
+        "CubicSpline with knots at equal distances, or write it with functions of math",
+        float,
+    )
+    __int__ = __index__ = _refusing(
+        "counts: it is an index, the length of a loop, or goes to an array of integers. Give loops a fixed length, "
+        "choose by np.where, look tables up by np.interp, and give arrays dtype=float",
+        int,
+    )
+    __iter__ = __len__ = _refusing("is taken for several: it is one number")
     __hash__ = object.__hash__
+
+    def __bool__(self) -> bool:
+        return bool(self != 0.0)
+
+    def __eq__(self, other: Any) -> Any:
+        return self.graph.equal(self, other) if isinstance(other, _COMPARABLE) else NotImplemented
+
+    def __ne__(self, other: Any) -> Any:
+        return self.graph.equal(self, other, inverted=True) if isinstance(other, _COMPARABLE) else NotImplemented
 
     def __gt__(self, other: Any) -> Any:
         return self.graph.compare(self, other, strictly=True)
@@ -191,7 +210,9 @@ def _by_entries(method: Callable[..., Any]) -> Callable[..., Any]:
     )
 
 
-for _name in "add radd sub rsub mul rmul truediv rtruediv mod rmod floordiv rfloordiv pow rpow gt ge lt le".split():
+for (
+    _name
+) in "add radd sub rsub mul rmul truediv rtruediv mod rmod floordiv rfloordiv pow rpow eq ne gt ge lt le".split():
     setattr(Expression, f"__{_name}__", _by_entries(getattr(Expression, f"__{_name}__")))
 
 
@@ -238,22 +259,24 @@ class Comparison:
 
 
 class Both(Comparison):
-    """A product of comparisons, which is a truth value of NumPy's if they are."""
+    """A product of comparisons, which is a truth value of NumPy's if they are; `inverted`, that not both hold."""
 
     __slots__ = ("factors",)
 
-    def __init__(self, *factors: Comparison) -> None:
-        self.graph, self.factors = factors[0].graph, factors
+    def __init__(self, *factors: Comparison, inverted: bool = False) -> None:
+        self.graph, self.factors, self.inverted = factors[0].graph, factors, inverted
 
     def __bool__(self) -> bool:
-        return all(map(bool, self.factors))
+        return all(map(bool, self.factors)) is not self.inverted
 
     def number(self) -> Expression:
         """Return one where both hold, else nought."""
-        return reduce(operator.mul, (factor.number() for factor in self.factors))
+        product: Expression = reduce(operator.mul, (factor.number() for factor in self.factors))
+        return 1.0 - product if self.inverted else product
 
     def choose(self, a: Any, b: Any) -> Expression:
         """Return a where both hold, else b."""
+        a, b = (b, a) if self.inverted else (a, b)
         return reduce(lambda chosen, factor: factor.choose(chosen, b), self.factors, self.graph.lift(a))
 
 
@@ -298,6 +321,9 @@ for _name in "add radd sub rsub mul rmul truediv rtruediv neg pos pow rpow inver
         _truth_arithmetic(_kind, _name)
 
 
+_COMPARABLE = (int, float, np.generic, Expression, Comparison)
+
+
 class Graph:
     """Maker of expressions.  The same operation on the same nodes is one node, so common terms are computed once."""
 
@@ -321,6 +347,15 @@ class Graph:
     def compare(self, a: Any, b: Any, *, strictly: bool) -> Any:
         """Return the comparison a > b, or a >= b; here there is none."""
         raise UntraceableError("the value of a state variable, of time or of a parameter decides a branch")
+
+    def equal(self, a: Any, b: Any, *, inverted: bool = False) -> Any:
+        """Return whether two expressions are equal: neither is less than the other."""
+        factors = [self.compare(*pair, strictly=False) for pair in ((a, b), (b, a))]
+        return Both(*factors, inverted=inverted)
+
+    def number(self, expression: Expression, refusal: UntraceableError) -> float:
+        """Return the value of an expression; here there is none."""
+        raise refusal
 
     def constant(self, value: float) -> Expression:
         """Return a literal number."""

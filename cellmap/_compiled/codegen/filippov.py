@@ -130,7 +130,7 @@ def switching_trace(
     ValueError
         Where several switches that are given act on each other, so that the value on a surface is not defined.
     """
-    base = empty_trace(dimension, len(names), modes=True)
+    base = empty_trace(dimension, len(names), BranchingGraph(modes=True))
     graph = base.graph
     given, outputs = _with_sides(base, rhs, switches, names)
     struck = () if impacts is None else graph.trace_paths(base.run(impacts, names))

@@ -6,7 +6,6 @@ text of what they compute and not on parameter values: sweeping a parameter comp
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import log10
@@ -37,7 +36,10 @@ Names = tuple[str, ...]
 Functions = tuple[Callable[..., Any] | None, ...]
 """A right-hand side, its switching functions, and the guards and resets of its impacts, where it has any."""
 
-_LOG = logging.getLogger("cellmap")
+_OTHER_VALUES = (
+    "they give other values than the function: it catches exceptions, or asks for types. Take `try` and `isinstance` "
+    "out of it"
+)
 _OF_MANY_STEPS = 0.05  # of the tolerance of a step, for derivatives: at a low order steps are many, and errors add up
 
 
@@ -87,9 +89,8 @@ def _why_untraced(function: Callable[..., Any], dimension: int, names: Names, va
     elif is_faithful(traced, function, values, parameter_record(names)(*values)):
         return ""
     else:
-        reason = "they give other values than the function: it catches exceptions, or asks for types"
+        reason = _OTHER_VALUES
     check_lengths(name, function, dimension, parameter_record(names)(*values))
-    _LOG.info("%s is compiled as it is, because its formulas are not known: %s", name, reason)
     return reason
 
 
@@ -349,7 +350,7 @@ def _called(
         return compiled_untraced(function, write, dimension, names)
     except TypeError as error:
         found = _traced(function, dimension, names)
-        unknown = f"Its formulas are not known: {found}. " if isinstance(found, str) else ""
+        unknown = f"Its formulas are not known: {found if isinstance(found, str) else _OTHER_VALUES}. "
         raise TypeError(
             f"{getattr(function, '__qualname__', function)} cannot be compiled: write it with plain arithmetic, "
             f"functions of math, tuples, and branches on numbers. {unknown}The compiler says: {error}"

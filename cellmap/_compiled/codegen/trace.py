@@ -174,13 +174,12 @@ def trace(function: Callable[..., Sequence[Any]], dimension: int, parameters: Se
     UntraceableError
         Where that fails, with the reason: a loop ends on a value, say, or the function has an error of its own.
     """
-    inputs = empty_trace(dimension, len(parameters), modes=False)
+    inputs = empty_trace(dimension, len(parameters), BranchingGraph(modes=False))
     return replace(inputs, outputs=inputs.graph.trace_paths(inputs.run(function, parameters)))
 
 
-def empty_trace(dimension: int, parameters: int, *, modes: bool) -> Trace:
-    """Return the inputs of a function, on a graph of their own."""
-    graph = BranchingGraph(modes)
+def empty_trace(dimension: int, parameters: int, graph: BranchingGraph) -> Trace:
+    """Return the inputs of a function, on a graph."""
     states = tuple(graph.node("state", value=i) for i in range(dimension))
     symbols = tuple(graph.node("parameter", value=i) for i in range(parameters))
     return Trace(graph, states, graph.node("time"), symbols, ())

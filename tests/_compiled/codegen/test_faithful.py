@@ -32,6 +32,15 @@ def test_functions_that_ask_for_types_or_catch_exceptions():
         image(catches)
 
 
+def test_a_map_without_formulas_warns_of_what_it_costs():
+    def looks_up(t, x, p):
+        return (-x[0] * (1.0, p.k)[int(x[0] > 9.0)] + math.gamma(2.0 + math.sin(x[0])),)
+
+    with pytest.warns(UserWarning, match=r"one step takes [\d.e+]+ times .* \(measured .* length of a loop"):
+        point_map = stroboscopic_map(ForcedSystem(looks_up, {"k": 2.0}, 1.0, ("x",)))
+    assert "length of a loop" in repr(point_map)
+
+
 def test_redefined_helper_is_seen():
     scope: dict[str, object] = {}
     exec("def helper(x): return -x\ndef rhs(t, x, p): return helper(x[0]),", scope)

@@ -11,6 +11,7 @@ import pytest
 
 import cellmap
 from cellmap import ForcedSystem, discrete_map, stroboscopic_map
+from cellmap._compiled.codegen.branches import BranchingGraph
 from cellmap._compiled.codegen.evaluation import evaluated
 from cellmap._compiled.codegen.expression import is_analytic
 from cellmap._compiled.codegen.functions import TABLE
@@ -86,7 +87,7 @@ def test_series(name: str) -> None:
 
 @pytest.mark.parametrize("name", [*ANALYTIC, "cbrt", "hypot"])
 def test_beside_branches_all_have_series(name: str) -> None:
-    base, count = empty_trace(2, 0, modes=True), 1 + (name in OF_TWO)
+    base, count = empty_trace(2, 0, BranchingGraph(modes=True)), 1 + (name in OF_TWO)
     (twin,) = base.run(lambda t, x, p: (function_of(name)(*x[:count]),), ())()
     low, high = TABLE[name].domain or (-math.inf, math.inf)
     several = [*np.linspace(0.0, 0.2, 5) + place_in(name), -40.0, -0.9, -0.2, -0.001, 0.3, 0.8, 1.3, 300.0]

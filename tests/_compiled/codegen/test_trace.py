@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cellmap._compiled.codegen.branches import BranchingGraph
 from cellmap._compiled.codegen.derivative import frame_traces, jet_trace
 from cellmap._compiled.codegen.expression import UntraceableError, in_order
 from cellmap._compiled.codegen.methods import series_work
@@ -53,7 +54,6 @@ def test_common_terms_are_computed_once() -> None:
 
 
 UNTRACEABLE: list[Callable[..., Any]] = [
-    lambda t, x, p: (1.0 if x[0] == 0 else 2.0,),
     lambda t, x, p: (math.gamma(x[0]),),
     lambda t, x, p: (np.linalg.eigvals([[x[0], 1.0], [1.0, x[0]]])[0],),
     lambda t, x, p: (math.remainder(x[0], 1.0),),
@@ -155,7 +155,7 @@ def test_several_directions_share_what_belongs_to_the_state() -> None:
 
 
 def test_tangents_that_are_not_known_are_refused() -> None:
-    traced = empty_trace(1, 0, modes=False)
+    traced = empty_trace(1, 0, BranchingGraph(modes=False))
     unknown = replace(traced, outputs=(traced.graph.node("gamma", traced.states),))
     with pytest.raises(UntraceableError, match="no derivative of gamma"):
         jet_trace(unknown, 1)
