@@ -157,7 +157,7 @@ DIALECT = {
 
 TERMS = {
     "README.md": ("initial condition", "limit cycle"),
-    "docs/analysis.md": ("edge state", "chaotic saddle"),
+    "docs/boundaries.md": ("edge state", "chaotic saddle"),
     "docs/bifurcations.md": ("Floquet multipliers", "hysteresis", "saddle-node", "bistability", "period doubling"),
     "docs/discontinuous.md": ("Filippov", "sliding mode"),
     "docs/how-it-works.md": ("monodromy matrix", "trapping region"),

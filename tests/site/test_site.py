@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, BrowserContext
 
 SITE = Path(__file__).parents[2] / "docs" / "_build" / "html"
 WITH_FORMULAS = (
-    "own-system concepts bifurcations bifurcation-curves the-report analysis accuracy-and-cost "
+    "own-system concepts bifurcations bifurcation-curves the-report dimensions accuracy-and-cost "
     "auto/tutorials/getting_started auto/api/cellmap.analysis.fractal.basin_entropy"
 ).split()
 TEX = re.compile(r"\\[(\[a-zA-Z]+")
