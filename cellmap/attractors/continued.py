@@ -16,10 +16,10 @@ from ..orbits.attractor import Attractor, Kind, Neighbourhood, sort_key
 from ..orbits.ellipsoids import half_widths
 from ..orbits.newton import newton, stable_orbit
 from .given import check_coordinates
+from .kinds.cycles import neighbourhood_of
 from .kinds.quasiperiodic import quasiperiodic_attractors
 from .matching import attractor_distance
 from .regions.extents import extent_of_motion, region_extent, ways_of
-from .search import neighbourhood_of
 from .settling.settle import Catalogue
 
 _FOLLOWED = 256  # periods in which an orbit comes to the invariant curve in the place of another

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._lib.arrays import Floats, Ints, evenly
+from .._lib.arrays import Floats, Ints
 from .._lib.checks import affordable_number, warn_caller, whole_number
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
@@ -18,22 +18,17 @@ from ..maps.coordinates import check_no_window, state_points, wrap
 from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 from ..maps.small_states import warn_of_small_states_ahead
-from ..orbits.attractor import Attractor, Kind, Neighbourhood, sort_key
-from ..orbits.newton import stable_orbit
+from ..orbits.attractor import Attractor, sort_key
 from .given import check_attractors
-from .kinds.chaos import ORBITS, Examination, examine
-from .kinds.continua import closed_orbits, continua, joined_continua
-from .kinds.creeping import creeping, drawn_to
-from .kinds.equilibria import sticking_sets
-from .kinds.examined import LOOKED_AT, Examined, guesses_of
+from .kinds import continua, creeping, cycles, equilibria, quasiperiodic
+from .kinds.chaos import Examination, examine
+from .kinds.continua import joined_continua
+from .kinds.cycles import LOOKED_AT
+from .kinds.ends import MATURE, Ends
+from .kinds.examined import Examined
 from .kinds.limit_cycles import cycles_ahead
-from .kinds.quasiperiodic import long_cycle, quasiperiodic_attractors
-from .kinds.recurrence import closed_attractors
 from .kinds.transients import REMEDIES, Late, Reason, UnsettledWarning, regular
 from .labels import Label, label_names
-from .regions.boxes import inside_cover
-from .regions.lyapunov_regions import Afford, always
-from .regions.trapping import still_trapping, trapping_neighbourhood
 from .regions.trapping_boxes import is_trapped
 from .settling.escape import far_bound
 from .settling.quotients import quotient_of
@@ -48,9 +43,10 @@ MAX_PERIODS = 2000
 
 _LOOKS = 256  # looks at the same orbits, at most
 _FIRST_LOOK = 32  # periods before end points are refined for the first time
-_LONGEST_AT_REST = 128  # periods after which orbits that rest on a cycle have closed
 _WANDERING = 256  # periods from which on most of the orbits on a chaotic set are left out, where they take long
-_MATURE = 64  # periods from which orbits that do not settle are tried as quasi-periodic
+
+_KINDS = cycles.look, equilibria.look, quasiperiodic.look, continua.look, creeping.look
+"""Looks for attractors of each kind, from those that are verified most easily; the first one that finds any counts."""
 
 
 @checked
@@ -146,11 +142,10 @@ def _found_by_all(
 ) -> tuple[list[Attractor], Sequence[Reason], Ints]:
     """Return the attractors that orbits of some states come to, why others do not, and labels of all."""
     examined = Examined.of_region(point_map, states, states)
-    extent = examined.extent
-    found = search(point_map, states, with_full_residence(known), max_periods, longest_period, extent, examined)
+    found = search(point_map, states, with_full_residence(known), max_periods, longest_period, examined)
     attractors, reasons = found.attractors, tuple[Reason, ...]()
     if len(found.orbits):
-        examination = found.examined(point_map, states, extent)
+        examination = found.examined(point_map, states, examined.extent)
         attractors, reasons = [*attractors, *examination.attractors], examination.reasons
     return list(joined_continua(point_map, attractors)[0]), reasons, found.labels
 
@@ -191,7 +186,6 @@ def search(
     known: Sequence[Attractor],
     max_periods: int,
     longest_period: int,
-    extent: Floats,
     examined: Examined,
     stop: Stop | None = None,
     horizon: int = 0,
@@ -200,6 +194,7 @@ def search(
 
     ``horizon``: periods after which orbits would be seen not to be, where these are more than are followed here.
     """
+    extent = examined.extent
     attractors = [*known, *cycles_ahead(point_map, states, extent, known, examined.afford)]
     orbits = Orbits.starting(wrap(states, point_map.coordinates))
     rows, labels, times = np.arange(len(states)), np.full(len(states), Label.UNDECIDED), np.full(len(states), -1)
@@ -218,11 +213,10 @@ def search(
         age, time_limit = min(age + time_limit, max_periods), 2 * age if age else time_limit
         if last or not _many_settle(before, len(orbits)):
             known_to_wander = wandering
-            if point_map.is_flow and age >= _MATURE and (last if wandering else len(rows) >= FEWEST):
+            if point_map.is_flow and age >= MATURE and (last if wandering else len(rows) >= FEWEST):
                 wandering = are_chaotic(point_map, orbits.points, extent)
-            orbits, attractors, owners = sort_out(
-                point_map, orbits, attractors, longest_period, extent, age, examined, not last, last, wandering
-            )
+            ends = Ends(point_map, orbits.points, age, attractors, examined, longest_period, not last, last, wandering)
+            orbits, attractors, owners = sort_out(ends, orbits)
             labels[rows], times[rows] = owners, np.where(owners >= 0, age, -1)
             examined.so_far = attractors, labels, times
             rows = rows[owners == Label.UNDECIDED]
@@ -255,69 +249,30 @@ def _nothing_found(point_map: PointMap, labels: Ints, reasons: Sequence[Reason],
     return f"{text}; {count} of {len(reasons)} examined: {cause}; {REMEDIES[cause].format(max_periods)}"
 
 
-def sort_out(
-    point_map: PointMap,
-    orbits: Orbits,
-    attractors: list[Attractor],
-    longest_period: int,
-    extent: Floats,
-    age: int,
-    examined: Examined,
-    patient: bool = False,
-    last: bool = False,
-    wandering: bool = False,
-) -> tuple[Orbits, list[Attractor], Ints]:
-    """Find new attractors from orbits that are left, until a look finds none.
+def sort_out(ends: Ends, orbits: Orbits) -> tuple[Orbits, list[Attractor], Ints]:
+    """Look for new attractors by the ends of some orbits, until a look finds none.
 
-    Returns the rest, all attractors, and on which of them each orbit is.  A patient search ends as soon as it finds
-    attractors to which most of the orbits have come; the last one looks for longer cycles on which orbits rest, and
-    for circles along which they drift slowly.  No curves are looked for among orbits that are `wandering` over chaotic
-    sets, and no longer cycles until the last look.
+    Returns the orbits that are left, all attractors, and on which of them each orbit is.  A patient search ends as soon
+    as it finds attractors to which most of the orbits have come.
     """
+    point_map, attractors = ends.point_map, list(ends.known)
     owners, rows = np.full(len(orbits), Label.UNDECIDED), np.arange(len(orbits))
     for _ in range(_LOOKS):
-        if not len(orbits):
-            break
-        fresh = new_attractors(point_map, orbits.points, attractors, longest_period, extent, examined)
-        # Orbits that approach one of these come to rest on it, and on no continuum of equilibria.
-        others = orbits.points[Catalogue.of(fresh, point_map).owners_of(orbits.points) < 0]
-        fresh += sticking_sets(point_map, others, extent, attractors)
-        mature = age >= _MATURE or not patient
-        if not fresh and mature and not wandering:
-            fresh = curves_and_cycles(point_map, orbits.points, attractors, extent, examined, age, slow=last)
-        if not fresh and mature and (last or not wandering):
-            closed = closed_orbits(point_map, orbits.points, extent, longest_period, _LONGEST_AT_REST if last else 0)
-            fresh = verified_cycles(point_map, closed, attractors, extent, examined)
-            fresh = fresh or continua(point_map, closed, extent, attractors, examined.lines)
-        if not fresh and last:
-            fresh = _crept_to(point_map, orbits.points, extent, attractors, examined)
-        if not fresh:
+        now = replace(ends, points=orbits.points, known=attractors)
+        fresh = next(filter(None, (look(now) for look in _KINDS)), None) if len(orbits) else None
+        if fresh is None:
             break
         # None of these orbits is on an attractor that was known before.
         catalogue = Catalogue.of(fresh, point_map)
         settled = settle(
-            point_map, orbits[np.arange(len(orbits))], catalogue, int(catalogue.regions.residence.max()), age
+            point_map, orbits[np.arange(len(orbits))], catalogue, int(catalogue.regions.residence.max()), ends.age
         )
         owners[rows] = np.where(settled.labels >= 0, settled.labels + len(attractors), settled.labels)
         before, attractors = len(orbits), [*attractors, *fresh]
         rows, orbits = rows[settled.undecided], orbits[settled.undecided]
-        if patient and _many_settle(before, len(orbits)):
+        if ends.patient and _many_settle(before, len(orbits)):
             break
     return orbits, attractors, owners
-
-
-def _crept_to(
-    point_map: PointMap, states: Floats, extent: Floats, known: Sequence[Attractor], examined: Examined
-) -> list[Attractor]:
-    """Return the continua to which some orbits creep, found from where they would come to rest."""
-    some = states[evenly(len(states), ORBITS)]
-    some = some[drawn_to(point_map, some, known) < 0]
-    slow = creeping(point_map.without_table, some, extent)
-    ends = slow.ends[slow.found]
-    if not len(ends):
-        return []
-    found = sticking_sets(point_map, ends, extent, known)
-    return found or continua(point_map, closed_orbits(point_map, ends, extent, 1), extent, known, examined.lines)
 
 
 def _many_settle(before: int, left: int) -> bool:
@@ -328,132 +283,3 @@ def _many_settle(before: int, left: int) -> bool:
 def affordable_period(longest_period: int) -> int:
     """Return the longest period of attractors that are searched for, once there is memory for the search."""
     return affordable_number("longest_period", longest_period, 2 * 8 * LOOKED_AT, at_least=1)
-
-
-def new_attractors(
-    point_map: PointMap,
-    states: Floats,
-    known: Sequence[Attractor],
-    longest_period: int,
-    extent: Floats,
-    examined: Examined,
-) -> list[Attractor]:
-    """Refine some end points of orbits; return the attractors not known yet, each with its trapping neighbourhood."""
-    catalogue = Catalogue.of(known, point_map)
-
-    def before(points: Floats) -> bool:
-        return _belong(points, known, point_map, catalogue)
-
-    for guesses, periods in guesses_of(point_map, states, longest_period, extent, examined):
-        found: list[Attractor] = []
-        if not examined.may_refine(guesses, periods):
-            return closed_attractors(point_map.without_table, guesses, periods, known, extent)
-        solutions, settled = examined.refined(point_map, guesses, periods)
-        for i in sorted(np.flatnonzero(settled), key=lambda i: periods[i]):
-            # A periodic point inside a verified neighbourhood is the attractor that this belongs to.
-            if (
-                before(solutions[i : i + 1])
-                or _belong(solutions[i : i + 1], found, point_map)
-                or solutions[i] in examined
-            ):
-                continue
-            orbit = stable_orbit(point_map, solutions[i], int(periods[i]), extent)
-            if orbit is None:
-                examined.refuse(solutions[i : i + 1])
-            # Where the neighbourhood is narrower than the error of the solution, another point of the orbit may be in.
-            elif before(orbit.points) or _belong(orbit.points, found, point_map):
-                examined.refuse(orbit.points)
-            else:
-                found += _verified(point_map, orbit, examined)
-        if found:
-            return found
-    return []
-
-
-def _belong(
-    points: Floats, known: Sequence[Attractor], point_map: PointMap, catalogue: Catalogue | None = None
-) -> bool:
-    """Tell whether any of some points of an orbit is in the trapping region of an attractor: then it is on that one.
-
-    The catalogue of the attractors may be given.
-    """
-    catalogue = Catalogue.of(known, point_map) if catalogue is None else catalogue
-    tubes = [a.cover for a in known if a.kind is Kind.QUASIPERIODIC and a.cover is not None]
-    return bool((catalogue.owners_of(points) >= 0).any()) or any(
-        inside_cover(tube, points, point_map).any() for tube in tubes
-    )
-
-
-def _verified(point_map: PointMap, orbit: Attractor, examined: Examined) -> list[Attractor]:
-    """Return a periodic orbit with its trapping region, nothing where it has none; then it is remembered."""
-    neighbourhood = neighbourhood_of(point_map, orbit, examined.reach, afford=examined.afford)
-    if neighbourhood is None:
-        examined.refuse(orbit.points)
-        return []
-    examined.verified.append(replace(orbit, neighbourhood=neighbourhood))
-    return examined.verified[-1:]
-
-
-def curves_and_cycles(
-    point_map: PointMap,
-    states: Floats,
-    known: Sequence[Attractor],
-    extent: Floats,
-    examined: Examined,
-    age: int,
-    slow: bool,
-) -> list[Attractor]:
-    """Return invariant circles to which orbits come, and the long cycles that they turned out to be on instead."""
-    states = examined.looked_along(states, age, len(known), slow)
-    if not len(states):
-        return []
-    found = quasiperiodic_attractors(point_map, states, extent, age, known, slow, examined.afford)
-    fresh = found.attractors + verified_cycles(point_map, found.cycles, [*known, *found.attractors], extent, examined)
-    if fresh or not found.cycles:
-        return fresh
-    # Orbits that rest have closed after any number of periods, the least of which counts.
-    points, longest = np.array([point for point, _ in found.cycles]), max(period for _, period in found.cycles)
-    return continua(point_map, closed_orbits(point_map, points, extent, longest), extent, known, examined.lines)
-
-
-def verified_cycles(
-    point_map: PointMap,
-    closed: Sequence[tuple[Floats, int]],
-    known: Sequence[Attractor],
-    extent: Floats,
-    examined: Examined,
-) -> list[Attractor]:
-    """Return the periodic attractors on which orbits have closed, each given by a point and a period."""
-    attractors = list[Attractor]()
-    for point, period in closed:
-        if point in examined or _belong(point[None], [*known, *attractors], point_map):
-            continue
-        orbit = long_cycle(point_map, point, period, extent)
-        if orbit is None or orbit.points[0] in examined or _belong(orbit.points, [*known, *attractors], point_map):
-            continue
-        attractors += _verified(point_map, orbit, examined)
-    return attractors
-
-
-def neighbourhood_of(
-    point_map: PointMap,
-    attractor: Attractor,
-    extent: Floats,
-    like: Neighbourhood | None = None,
-    afford: Afford = always,
-) -> Neighbourhood | None:
-    """Return the trapping region of a periodic attractor, None where there is none or the map does not follow it.
-
-    One that is `like` that of a similar map is returned where it is verified.
-    """
-    if not _carried(point_map, attractor):
-        return None
-    again = None if like is None else still_trapping(point_map, attractor, extent, like)
-    return trapping_neighbourhood(point_map, attractor, extent, afford) if again is None else again
-
-
-def _carried(point_map: PointMap, attractor: Attractor) -> bool:
-    """Whether the map carries orbits along the attractor; a table that orbits leave does not, where it has no cells."""
-    orbit = Orbits.starting(attractor.points.copy())
-    point_map.advance(orbit, 1)
-    return bool(orbit.alive.all())

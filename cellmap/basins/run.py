@@ -21,6 +21,7 @@ from .._lib.threads import linear_algebra_on_one_thread, slices
 from .._lib.tiles import completed
 from ..attractors.kinds.chaos import ORBITS, examine
 from ..attractors.kinds.continua import joined_continua
+from ..attractors.kinds.ends import Ends
 from ..attractors.kinds.examined import Examined
 from ..attractors.kinds.transients import ENDURANCE, MORE, REMEDIES, Late, Reason, regular
 from ..attractors.labels import LABEL_NAMES, Label, label_type
@@ -261,9 +262,7 @@ class Run:
         periods = self.limit if to_the_end else min(_PATIENCE, self.limit)
         try:
             with heeding(self.stop):
-                found = search(
-                    point_map, chosen, given, periods, self.longest_period, own, examined, self.stop, self.limit
-                )
+                found = search(point_map, chosen, given, periods, self.longest_period, examined, self.stop, self.limit)
                 whole.bound = examined.bound
                 if not to_the_end or not len(found.orbits):
                     return self._all(known, found.attractors)
@@ -367,18 +366,17 @@ class Run:
 
     def _find_more(self, now: Progress, left: Rows, states: Orbits) -> tuple[tuple[Attractor, ...], tuple[Reason, ...]]:
         """Search the active orbits for further attractors; return all, and why the last sweep leaves orbits."""
-        extent, age = now.examined.extent, now.time_limit
+        age = now.time_limit
         last, (point_map, known) = age >= self.limit, self._in_quotient(now.attractors)
         states = states if self.quotient is None else self.quotient.of_orbits(states)
-        rest, attractors, owners = sort_out(
-            point_map, states, known, self.longest_period, extent, age, now.examined, last=last
-        )  # fmt: skip
+        ends = Ends(point_map, states.points, age, known, now.examined, self.longest_period, last=last)
+        rest, attractors, owners = sort_out(ends, states)
         if not last or not len(rest):
             return self._all(now.attractors, attractors), ()
         rows = np.concatenate(list(left.spread(len(states))))
         late = self._late(now, rows[owners != Label.UNDECIDED])
         late = replace(late, points=self._places(late.points))
-        examination = examine(point_map, rest.points, extent, attractors, age, late)
+        examination = examine(point_map, rest.points, now.examined.extent, attractors, age, late)
         return self._all(now.attractors, [*attractors, *examination.attractors]), examination.reasons
 
     def _late(self, now: Progress, rows: Ints) -> Late:

@@ -9,8 +9,11 @@ from small_maps import CIRCLE, LINE, circle, grid_of, logistic
 import systems
 from cellmap import CellGrid, PointMap, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
 from cellmap.attractors import search
+from cellmap.attractors.kinds import continua, quasiperiodic
 from cellmap.attractors.kinds.chaos import examine
+from cellmap.attractors.kinds.ends import Ends
 from cellmap.attractors.kinds.examined import Examined
+from cellmap.attractors.kinds.quasiperiodic import Found
 from cellmap.attractors.kinds.transients import Reason
 from cellmap.maps.orbit_batch import Orbits
 from cellmap.orbits import Kind
@@ -205,14 +208,17 @@ def test_neutral_orbits_are_no_attractors(rate):
 def test_curves_are_looked_for_at_the_end_or_where_orbits_are_mature(monkeypatch, age, patient, looked_for):
     """A rigid rotation, of which no orbit settles: a search that goes on waits for 64 periods."""
     calls = []
-    monkeypatch.setattr(search, "curves_and_cycles", lambda *_, slow: calls.append(f"slow {slow}") or [])
-    monkeypatch.setattr(search, "continua", lambda *_: calls.append("continua") or [])
+    monkeypatch.setattr(
+        quasiperiodic, "quasiperiodic_attractors", lambda *args: calls.append(f"slow {args[5]}") or Found([], [])
+    )
+    monkeypatch.setattr(continua, "continua", lambda *_: calls.append("continua") or [])
     turning = discrete_map(lambda x, p: (x[0] + 1.0,), {}, (angle("a"),))
     orbits, extent = Orbits.starting(np.array([[0.1], [2.0]])), np.array([2 * pi])
     examined = Examined.nothing_yet(turning, extent)
     for last in (False, True):
         calls.clear()
-        left, found, *_ = search.sort_out(turning, orbits, [], 4, extent, age, examined, patient=patient, last=last)
+        ends = Ends(turning, orbits.points, age, [], examined, 4, patient=patient, last=last)
+        left, found, *_ = search.sort_out(ends, orbits)
         assert calls == ([f"slow {last}", "continua"] if looked_for else [])
         assert len(left) == 2 and found == []
 

@@ -21,8 +21,11 @@ from ...orbits.newton import resolution
 from ..matching import thinned
 from ..regions.boxes import boxes_around, boxes_of, distinct_boxes, inside_cover, moved_boxes
 from ..regions.tube import Curves, Tube, cover_of_tube, doubled
+from .cycles import verified_cycles
+from .ends import Ends
 from .neutral_segments import DENSE, densely, fades, traced
 
+_AT_REST = 128  # longest period of orbits that rest on a cycle, at the last look
 _LOOKED_AT = 1024  # orbits that are tested for having closed
 _FEWER = 256  # those for long periods
 _REFUSED = 8  # of those that have closed, on no attracting segment, farthest apart first, in one look
@@ -61,6 +64,17 @@ class Segment(Curves):
     def between(self, distances: Floats) -> Floats:
         """Return the largest of distances (radii, n)."""
         return np.asarray(distances.max(axis=1))
+
+
+def look(ends: Ends) -> list[Attractor]:
+    """Return the cycles on which orbits have closed, or the attracting segments of such cycles."""
+    if not ends.mature or (ends.wandering and not ends.last):
+        return []
+    longest = _AT_REST if ends.last else 0
+    closed = closed_orbits(ends.point_map, ends.points, ends.extent, ends.longest_period, longest)
+    return verified_cycles(ends, closed) or continua(
+        ends.point_map, closed, ends.extent, ends.known, ends.examined.lines
+    )
 
 
 def continua(

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..._lib.arrays import Bools, Floats, Ints
+from ..._lib.arrays import Bools, Floats, Ints, evenly
 from ..._lib.stopping import check_stop
 from ...maps.coordinates import difference, turns_of, wrap
 from ...maps.orbit_batch import Orbits, Status, Tally
@@ -16,9 +16,13 @@ from ...maps.point_map import PointMap
 from ...maps.side_by_side import advance_on_threads
 from ...orbits.attractor import Attractor, Kind
 from ..settling.settle import Catalogue, Settled, settle, without_escaped
+from .continua import closed_orbits, continua
+from .ends import Ends
+from .equilibria import sticking_sets
 from .invariant_subspaces import owners_in_subspaces
 from .recurrence import averaged_owners
 
+_TRIED = 32  # orbits of which it is seen where they creep
 _PERIODS = 16  # the ways of as many are compared with those of as many that follow
 _SEEN = 1e-12  # least way that is no rounding, in units of the region
 _STRAIGHT = 0.9  # least cosine of the angle between them
@@ -48,6 +52,22 @@ class Creeping:
     found: Bools
     moves: Floats
     ends: Floats
+
+
+def look(ends: Ends) -> list[Attractor]:
+    """Return the continua to which some orbits creep that do not go on, found from where they would come to rest."""
+    if not ends.last:
+        return []
+    point_map, extent = ends.point_map, ends.extent
+    some = ends.points[evenly(len(ends.points), _TRIED)]
+    some = some[drawn_to(point_map, some, ends.known) < 0]
+    slow = creeping(point_map.without_table, some, extent)
+    places = slow.ends[slow.found]
+    if not len(places):
+        return []
+    return sticking_sets(point_map, places, extent, ends.known) or continua(
+        point_map, closed_orbits(point_map, places, extent, 1), extent, ends.known, ends.examined.lines
+    )
 
 
 def creeping(point_map: PointMap, states: Floats, extent: Floats) -> Creeping:

@@ -28,6 +28,7 @@ from ..regions.boxes import (
     tree_of,
     wrapped_boxes,
 )
+from .ends import Ends
 from .neutral_segments import fades
 
 _PROBE = 1e-7  # distance at which the neighbours of an equilibrium are tried, in units of the extent,
@@ -39,6 +40,11 @@ _SAMPLE = 256
 _PERIODS = 16  # in which orbits near the edge have to come closer
 _AHEAD = tuple(2.0**k for k in range(-2, 8))  # times the way of these periods, ahead of where they may come to rest,
 _FARTHEST = 2.0  # up to this many boxes
+
+
+def look(ends: Ends) -> list[Attractor]:
+    """Return the attracting sticking sets on which some orbits rest, without the known ones."""
+    return sticking_sets(ends.point_map, ends.points, ends.extent, ends.known)
 
 
 def sticking_sets(

@@ -1,13 +1,12 @@
-"""What a search for attractors tries: guesses of periodic points among the ends of orbits, and what became of them."""
+"""What a search for attractors has tried, and what became of it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..._lib.arrays import Bools, Floats, Ints, evenly
+from ..._lib.arrays import Bools, Floats, Ints
 from ...maps.coordinates import Coordinate, difference
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor
@@ -16,23 +15,11 @@ from ..regions.extents import extent_of_motion, region_extent, ways_of
 from ..regions.tube import SAMPLED
 from ..settling.escape import escape_on, far_bound
 from .exponents import AT_LEAST
-from .recurrence import CLOSED
 
-LOOKED_AT = 256
-"""Ends among which those to be refined are chosen."""
-
-_REPRESENTATIVES = 8  # end points that are refined at a time because they lie far apart
-_SETTLING = 16  # ends that come back closest, among which as many are chosen
-_RETURNS = 4  # likely periods tried for each of them, besides 1,
-_SLOW = 1e-3  # unless it moves by less than this part of the extent in a period, and ever farther
 _IMAGES = 1500  # of the map, for each state where orbits begin, that a search may take besides following them
-_RETURNED = 0.2  # if they bring it back to within this part of the extent, or where derivatives cost more than periods,
-_CLOSE = 1e-3  # within this one
-_SAME = 1e-4  # part of the extent in which ends that have closed are on one orbit
 _ATTRACTORS = 2**32  # more than there are
 _REFINING = 4  # derivatives, a direction like an image, that take an end to the multipliers of its orbit
 _FOLLOWED = 256, 2**15  # orbits, and coordinates of all of them, along which curves are looked for in one look
-_CYCLES = 16  # closed orbits of more than one period that are refined at a time
 
 
 @dataclass(eq=False)
@@ -142,65 +129,3 @@ class Examined:
             self.distances |= {keys[i]: distances for i, distances in zip(new, found.T, strict=True)}
         self.distances = {key: self.distances[key] for key in keys}
         return np.array([self.distances[key] for key in keys]).T
-
-
-def guesses_of(
-    point_map: PointMap, states: Floats, longest_period: int, extent: Floats, examined: Examined
-) -> Iterator[tuple[Floats, Ints]]:
-    """Yield guesses of periodic points with their periods: first period 1, then those of the closest returns.
-
-    Guesses are ends that lie far apart, and ends whose orbits come back closest.  In more than four dimensions, where a
-    derivative costs many periods, the first ones are ends whose orbits have closed by themselves, one of each orbit.
-    """
-    many = point_map.dimension > SAMPLED
-    ends = states[evenly(len(states), LOOKED_AT)]
-    distance = examined.return_distances(point_map, ends, longest_period)
-    if many:
-        yield from _closed(ends, distance, extent)
-    patience = np.argsort(distance.min(axis=0), kind="stable")
-    chosen = _far_apart(ends, np.arange(len(ends)), point_map, extent)
-    chosen += [i for i in _far_apart(ends, patience[:_SETTLING], point_map, extent) if i not in chosen]
-    ends, distance = ends[chosen], distance[:, chosen]
-    yield ends, np.ones(len(ends), np.int64)
-    if longest_period > 1:
-        closest = 2 + np.argsort(distance[1:], axis=0, kind="stable")[:_RETURNS]
-        returned = np.take_along_axis(distance, closest - 1, axis=0)
-        # One that moves slowly, and away, is beside a fixed point, or on its way to one.
-        close = (returned < (_CLOSE if many else _RETURNED)) & ((returned < distance[0]) | (distance[0] > _SLOW))
-        rank, row = np.nonzero(close & ~_multiples(closest))
-        if len(row):
-            yield ends[row], closest[rank, row]
-
-
-def _closed(ends: Floats, distance: Floats, extent: Floats) -> Iterator[tuple[Floats, Ints]]:
-    """Yield ends (n, d) whose orbits have closed, one for each place, with their periods: fixed points first."""
-    closed = distance <= CLOSED
-    periods = np.where(closed.any(axis=0), 1 + np.argmax(closed, axis=0), 0)
-    places = np.round(ends / (_SAME * extent))
-    for fixed in (True, False):
-        rows = np.flatnonzero((periods == 1) if fixed else (periods > 1))
-        rows = np.sort(rows[np.unique(places[rows], axis=0, return_index=True)[1]])[: None if fixed else _CYCLES]
-        if len(rows):
-            yield ends[rows], periods[rows]
-
-
-def _multiples(periods: Ints) -> Bools:
-    """Tell which periods in each column are multiples of one before them: an orbit near a cycle returns after both."""
-    found = np.zeros(periods.shape, bool)
-    for earlier in range(len(periods) - 1):
-        found[earlier + 1 :] |= periods[earlier + 1 :] % periods[earlier] == 0
-    return found
-
-
-def _far_apart(ends: Floats, rows: Ints, point_map: PointMap, extent: Floats) -> list[int]:
-    """Choose rows that lie far apart, each the farthest from those before it, beginning with the first."""
-    chosen = [int(rows[0])]
-    nearest = np.full(len(rows), np.inf)
-    for _ in range(_REPRESENTATIVES - 1):
-        shift = difference(ends[rows], ends[chosen[-1]], point_map.coordinates) / extent
-        nearest = np.minimum(nearest, (shift**2).sum(axis=-1))
-        farthest = int(np.argmax(nearest))
-        if nearest[farthest] <= 1e-12:
-            break
-        chosen.append(int(rows[farthest]))
-    return chosen

@@ -16,7 +16,6 @@ from ...maps.tangent import tangent
 from ...orbits.attractor import Attractor, Kind, aperiodic
 from ...orbits.invariant_circle import InvariantCircle, curve_size, fitted_circle
 from ...orbits.invariant_torus import fitted_torus
-from ...orbits.newton import newton, stable_orbit
 from ..regions.boxes import inside_cover
 from ..regions.lyapunov_regions import Afford, always
 from ..regions.tube import (
@@ -31,7 +30,10 @@ from ..regions.tube import (
     lengths_beside,
     verified_tube,
 )
+from .continua import closed_orbits, continua
 from .creeping import creeping
+from .cycles import verified_cycles
+from .ends import Ends
 from .exponents import Growing
 from .limit_cycles import autonomous, limit_cycles
 from .recurrence import recurrent_attractors
@@ -48,6 +50,23 @@ class Found:
 
     attractors: list[Attractor]
     cycles: list[tuple[Floats, int]]
+
+
+def look(ends: Ends) -> list[Attractor]:
+    """Return invariant circles to which orbits come, and the long cycles that they turned out to be on instead."""
+    if not ends.mature or ends.wandering:
+        return []
+    point_map, extent, examined = ends.point_map, ends.extent, ends.examined
+    states = examined.looked_along(ends.points, ends.age, len(ends.known), ends.last)
+    if not len(states):
+        return []
+    found = quasiperiodic_attractors(point_map, states, extent, ends.age, ends.known, ends.last, examined.afford)
+    fresh = found.attractors + verified_cycles(ends, found.cycles, found.attractors)
+    if fresh or not found.cycles:
+        return fresh
+    # Orbits that rest have closed after any number of periods, the least of which counts.
+    points, longest = np.array([point for point, _ in found.cycles]), max(period for _, period in found.cycles)
+    return continua(point_map, closed_orbits(point_map, points, extent, longest), extent, ends.known, examined.lines)
 
 
 def quasiperiodic_attractors(
@@ -111,12 +130,6 @@ def quasiperiodic_attractors(
             found.attractors.append(attractor)
             left = left[~inside_cover(attractor.cover, left, exact)]
     return found
-
-
-def long_cycle(point_map: PointMap, point: Floats, period: int, extent: Floats) -> Attractor | None:
-    """Return the periodic attractor beside a point after which an orbit all but closes."""
-    solutions, settled = newton(point_map, point[None], np.array([period]), extent, attracting=True)
-    return stable_orbit(point_map, solutions[0], period, extent) if settled[0] else None
 
 
 def _may_attract(exact: PointMap, orbits: Orbits, most: int) -> bool:
