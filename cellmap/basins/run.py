@@ -19,9 +19,9 @@ from .._lib.records import Keyed
 from .._lib.stopping import Stop, Stopped, heeding
 from .._lib.threads import linear_algebra_on_one_thread, slices
 from .._lib.tiles import completed
-from ..attractors.kinds.chaos import ORBITS, examine
+from ..attractors.kinds.chaos import examine
 from ..attractors.kinds.continua import joined_continua
-from ..attractors.kinds.ends import Ends
+from ..attractors.kinds.ends import ORBITS, Ends
 from ..attractors.kinds.examined import Examined
 from ..attractors.kinds.transients import ENDURANCE, MORE, REMEDIES, Late, Reason, regular
 from ..attractors.labels import LABEL_NAMES, Label, label_type

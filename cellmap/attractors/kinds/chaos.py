@@ -24,6 +24,7 @@ from ..regions.trapping_boxes import is_trapped, with_trapped_boxes
 from ..regions.tube import SAMPLED
 from .clouds import Clouds, pieces_of, recurrent_groups
 from .creeping import creeping, orders_of
+from .ends import ORBITS
 from .exponents import AT_LEAST, growth_along, mean_exponents, pooled
 from .invariant_subspaces import attractors_in_subspaces, hold, invariant_planes, neutral_family
 from .transients import HALF, Late, Reason, follow_on
@@ -32,9 +33,6 @@ EXPONENT_PERIODS = 300
 """Periods in which an orbit shows whether it is chaotic."""
 
 _SAMPLE_PERIODS = 1000
-ORBITS = 32
-"""Orbits that are followed or tested, at most."""
-
 _LONGEST_RETURN = 128
 _REPEATED = 16  # periods at least for which an orbit repeats itself: where errors double in each, 1e-16 stays small
 _KNOWN = 8192  # points of a known attractor that are compared

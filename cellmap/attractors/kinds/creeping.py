@@ -17,12 +17,11 @@ from ...maps.side_by_side import advance_on_threads
 from ...orbits.attractor import Attractor, Kind
 from ..settling.settle import Catalogue, Settled, settle, without_escaped
 from .continua import closed_orbits, continua
-from .ends import Ends
+from .ends import ORBITS, Ends
 from .equilibria import sticking_sets
 from .invariant_subspaces import owners_in_subspaces
 from .recurrence import averaged_owners
 
-_TRIED = 32  # orbits of which it is seen where they creep
 _PERIODS = 16  # the ways of as many are compared with those of as many that follow
 _SEEN = 1e-12  # least way that is no rounding, in units of the region
 _STRAIGHT = 0.9  # least cosine of the angle between them
@@ -59,7 +58,7 @@ def look(ends: Ends) -> list[Attractor]:
     if not ends.last:
         return []
     point_map, extent = ends.point_map, ends.extent
-    some = ends.points[evenly(len(ends.points), _TRIED)]
+    some = ends.points[evenly(len(ends.points), ORBITS)]
     some = some[drawn_to(point_map, some, ends.known) < 0]
     slow = creeping(point_map.without_table, some, extent)
     places = slow.ends[slow.found]

@@ -10,6 +10,9 @@ from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor
 from .examined import Examined
 
+ORBITS = 32
+"""Orbits that are followed or tested for all that are left, at most."""
+
 MATURE = 64
 """Periods after which orbits that do not settle are tried for more than cycles of few periods."""
 

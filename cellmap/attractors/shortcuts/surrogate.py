@@ -15,7 +15,8 @@ from ...maps.orbit_batch import Orbits
 from ...maps.point_map import PointMap
 from ...maps.side_by_side import advance_on_threads
 from ...orbits.attractor import Attractor
-from ..kinds.chaos import MATURE, ORBITS, one_attractor, returns, with_exponents
+from ..kinds.chaos import MATURE, one_attractor, returns, with_exponents
+from ..kinds.ends import ORBITS
 from ..kinds.transients import Late
 from ..labels import Label
 from ..regions.trapping_boxes import is_trapped, region_around, with_trapped_boxes

@@ -8,8 +8,9 @@ from ..._lib.arrays import Floats, Ints, evenly
 from ...maps.orbit_batch import Orbits
 from ...maps.paths import path_of
 from ...maps.point_map import PointMap
-from ..kinds.chaos import EXPONENT_PERIODS, ORBITS, tested
+from ..kinds.chaos import EXPONENT_PERIODS, tested
 from ..kinds.clouds import Clouds, pieces_of
+from ..kinds.ends import ORBITS
 from ..kinds.transients import Reason
 from ..regions.boxes import BOXES
 from ..regions.covers import lattice
