@@ -13,7 +13,7 @@ from .._compiled.codegen.captured import Watched
 from .._compiled.codegen.expression import ImpureError
 from .._compiled.codegen.kernel import discrete_kernel, map_enclosure, tangent_step, traced_function, why_untraced
 from .._compiled.codegen.period import CompiledPeriod
-from .._compiled.codegen.trace import Trace, parameter_record
+from .._compiled.codegen.trace import State, Trace, as_state, parameter_record
 from .._compiled.kernels.blocks import END_PLACE
 from .._compiled.kernels.frames import Framed, FrameStep, carrying
 from .._compiled.machine_code import MachineCode
@@ -98,11 +98,12 @@ def with_ends(function: Callable[..., Any], guards: tuple[Callable[..., Any], ..
     """Return a function whose images are beyond all bounds where a guard is positive; the same one every time."""
     if not guards:
         return function
+    plain, *plain_guards = (getattr(f, "py_func", f) for f in (function, *guards))  # numba's take plain tuples alone
 
     def mapped(x: Sequence[float], p: Any) -> Sequence[float]:
-        image = tuple(function(x, p))
+        image = State(plain(x, p))
         for state in (x, image):
-            for number, guard in enumerate(guards, 1):
+            for number, guard in enumerate(plain_guards, 1):
                 if guard(state, p) > 0.0:
                     return (number * END_PLACE, *image[1:])
         return image
@@ -144,7 +145,8 @@ class Discrete(MapSpec[PointMap]):
         function, record = self._mapped, parameter_record(tuple(self.params))(*self.params.values())
 
         def sample() -> list[float]:
-            states = [tuple(size + 0.1 * j for j in range(len(self.coordinates))) for size in (0.1, 0.37, 1.3)]
+            places = [[size + 0.1 * j for j in range(len(self.coordinates))] for size in (0.1, 0.37, 1.3)]
+            states = [as_state(function, place) for place in places]
             return [v for x in states for v in value_at(lambda t: function(x, record), 0.0)]  # noqa: B023
 
         return Watched(f"function of {self.name}", function, sample)
@@ -170,8 +172,8 @@ class Discrete(MapSpec[PointMap]):
         parameters = np.array([float(v) for v in self.params.values()])
         if self._formulas:
             record = parameter_record(tuple(self.params))(*self.params.values())
-            check_compiled("function", lambda t, x: self._mapped(x, record), kernel, d, parameters, 0.0)
             place, function = (*trial_state(d), *parameters.tolist()), _timeless(self._mapped)
+            check_compiled("function", lambda t, x: function(t, State(x), record), kernel, d, parameters, 0.0)
             warn_of_cost(f"function of {name}", self._formulas, function, tuple(self.params), place, kernel, "")
         lower, turn = turns_of(self.coordinates)
         anywhere = np.zeros(2 * d)
@@ -255,9 +257,11 @@ class Discrete(MapSpec[PointMap]):
 @functools.lru_cache(maxsize=256)
 def _timeless(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return the function with a time that it does not use; the same object for the same function."""
+    plain = getattr(function, "py_func", function)  # numba's takes plain tuples alone
 
     def at_any_time(t: float, x: Sequence[float], p: Any) -> Sequence[float]:
-        return function(x, p)
+        image: Sequence[float] = plain(x, p)
+        return image
 
     at_any_time.__qualname__ = getattr(function, "__qualname__", type(function).__name__)  # for error messages
     return at_any_time
@@ -268,7 +272,8 @@ def _check_components(function: Callable[..., Any], params: Mapping[str, float],
     beyond: Exception | None = None
     for start in (0.1, 0.37, 1.3):
         try:
-            image = called_twice("function", function, tuple(start + 0.1 * j for j in range(len(axes))), record)
+            state = as_state(function, (start + 0.1 * j for j in range(len(axes))))
+            image = called_twice("function", function, state, record)
         except ImpureError:
             raise
         except AttributeError as error:

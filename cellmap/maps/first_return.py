@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._compiled.codegen.rebind import over_arrays
+from .._compiled.codegen.kernel import over_states
 from .._lib.arrays import Bools, Floats, Ints
 from .coordinates import Coordinate
 from .integration import Flow
@@ -127,8 +127,7 @@ class Trip:
         system, d = self.system, self.system.dimension
         states[:, self.place] = self.value
         with np.errstate(all="ignore"):
-            speeds = over_arrays(system.rhs)(0.0, tuple(states[:, :d].T), system.parameters)
-        rates = np.stack([np.broadcast_to(v, len(states)) for v in speeds], axis=-1)
+            rates = over_states(system.rhs, 0.0, states[:, :d], system.params)
         self._put(states, np.where(rates[:, self.place] < 0.0, -1.0, 1.0))
         moves = np.abs(rates) * self.stretch
         return np.asarray((moves <= _AT_REST * np.maximum(1.0, np.abs(states[:, :d]))).all(axis=1))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from .._compiled.codegen.expression import ImpureError
+from .._compiled.codegen.trace import as_state
 from .._compiled.kernels.periods import MOST_ENDS
 from .._lib.checks import check_mapping, label, one_of, shown
 from .coordinates import Coordinate
@@ -136,7 +137,7 @@ def check_ends(ends: Any, form: str, arguments: tuple[Any, ...]) -> dict[str, Ca
 def _tried(what: str, function: Callable[..., Any], *arguments: Any) -> tuple[Any, ...]:
     """Return what a function returns of some arguments, the last but one a state; nothing outside of its domain."""
     try:
-        return (called_twice(what, function, *arguments),)
+        return (called_twice(what, function, *arguments[:-2], as_state(function, arguments[-2]), arguments[-1]),)
     except ImpureError:
         raise
     except (AttributeError, IndexError, TypeError) as error:
@@ -147,7 +148,7 @@ def _tried(what: str, function: Callable[..., Any], *arguments: Any) -> tuple[An
 
 def in_time(function: StateFunction, place: tuple[float, ...], parameters: Any) -> InTime:
     """Return a guard or a reset as a function of time, at one state."""
-    return lambda t: tuple(np.atleast_1d(function(t, place, parameters)))
+    return lambda t: tuple(np.atleast_1d(function(t, as_state(function, place), parameters)))
 
 
 def _try_turn(
@@ -162,8 +163,10 @@ def _try_turn(
     """Check that an impact is the same one period of an angle further on."""
     j, c, turn = angle
     try:
-        guards = [(float(np.squeeze(impact.guard(t, x, parameters))),) for x in (here, there)]
-        before, after = (tuple(map(float, impact.reset(t, x, parameters))) for x in (here, there))
+        guards = [(float(np.squeeze(impact.guard(t, as_state(impact.guard, x), parameters))),) for x in (here, there)]
+        before, after = (
+            tuple(map(float, impact.reset(t, as_state(impact.reset, x), parameters))) for x in (here, there)
+        )
     except Exception:
         return  # outside the domain of a function
     resets = [before, (*after[:j], after[j] - round((after[j] - before[j]) / turn) * turn, *after[j + 1 :])]

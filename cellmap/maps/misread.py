@@ -111,9 +111,9 @@ def too_few(functions: str, axes: Sequence[Coordinate], error: Exception, otherw
 
 
 def as_vectors(text: str) -> str:
-    """Return the remedy, for a message, of arithmetic with a state or with parameters as a whole."""
+    """Return the remedy, for a message, of arithmetic with parameters as a whole."""
     vectors = "multiply sequence" in text or re.search("unsupported operand|bad operand|can only concatenate", text)
-    return "; x and p are tuples: write x[0], x[1], ... and p.name, or compute with np.array(x)" if vectors else ""
+    return "; p is a tuple: write p.name" if vectors else ""
 
 
 def undefined(functions: str, error: NameError) -> ValueError:

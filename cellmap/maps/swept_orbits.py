@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from .._compiled.codegen.kernel import over_states
 from .._compiled.codegen.rebind import over_arrays
 from .._compiled.codegen.trace import entry_of, parameter_record
 from .._lib.arrays import Bools, Floats, Ints
@@ -89,8 +90,7 @@ class SweptOrbits:
         """Return the rates of change (times, n, ...) of states (times, n, ...) of a system without forcing."""
         spec = self.exact.spec
         assert isinstance(spec, Section)
-        found = over_arrays(spec.system.rhs)(0.0, tuple(np.moveaxis(states, -1, 0)), self._parameters)
-        return np.stack([np.broadcast_to(rate, states.shape[:-1]) for rate in found], axis=-1)
+        return over_states(spec.system.rhs, 0.0, states, self._given)
 
     def quantity(self, quantity: Quantity, times: Floats, states: Floats) -> Floats:
         """Return a quantity (n, times) of states (times, n, ...), with all coordinates of a system, at times."""
@@ -117,16 +117,15 @@ class SweptOrbits:
                 "f(t, x, p)"
             )
         try:
-            found = over_arrays(function)(times, tuple(np.moveaxis(states, -1, 0)), self._parameters)
-            first = np.asarray(found[0] if isinstance(found, tuple) else found)
-            if first.dtype.kind not in "biuf":
+            found = over_states(function, times, states, self._given)
+            if found.dtype.kind not in "biuf":
                 raise TypeError(f"it returns {shown(found)}, not real numbers")
         except (TypeError, ValueError, AttributeError, IndexError) as error:
             raise (ValueError if isinstance(error, ValueError) else TypeError)(
                 f"quantity={shown(quantity)}: {error}; give a function f(t, x, p) of the coordinates {axes} and the "
-                f"parameters {list(exact.params)}, written with functions of math, min, max and abs instead of `if`"
+                f"parameters {list(exact.params)}"
             ) from error
-        return np.broadcast_to(first.astype(float), states.shape[:-1]).T
+        return found[..., 0].astype(float).T
 
     @property
     def _whole_states(self) -> Floats:
@@ -137,17 +136,17 @@ class SweptOrbits:
         return np.insert(self.points, spec.place, spec.section[1], axis=1)
 
     @property
-    def _parameters(self) -> Any:
-        """Named tuple of parameters, of which some are arrays (n,)."""
-        given = dict(self.exact.params) | dict(zip(self.names, self.values.T, strict=True))
-        return parameter_record(tuple(given))(*given.values())
+    def _given(self) -> dict[str, Any]:
+        """Parameters, of which some are arrays (n,)."""
+        return dict(self.exact.params) | dict(zip(self.names, self.values.T, strict=True))
 
     @property
     def _lengths(self) -> Any:
         """Periods (n,) of a stroboscopic map, or 1."""
         spec = self.exact.spec
         period: Any = spec.system.period if isinstance(spec, Stroboscopic) else 1.0
-        return over_arrays(period)(self._parameters) if callable(period) else period
+        record = parameter_record(tuple(self._given))(*self._given.values())
+        return over_arrays(period)(record) if callable(period) else period
 
 
 @functools.lru_cache(maxsize=16)

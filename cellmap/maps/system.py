@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._compiled.codegen.rebind import over_arrays
-from .._compiled.codegen.trace import State, parameter_record
+from .._compiled.codegen.kernel import over_states
+from .._compiled.codegen.trace import as_state, parameter_record
 from .._lib.arrays import Floats
 from .._lib.checks import (
     changed_parameters,
@@ -300,7 +300,7 @@ class ForcedSystem:
     @property
     def _in_time(self) -> InTime:
         """The right-hand side as a function of time, at one state."""
-        rhs, state, parameters = self.rhs, self._state(trial_state(self.dimension)), self.parameters
+        rhs, state, parameters = self.rhs, as_state(self.rhs, trial_state(self.dimension)), self.parameters
         if self.switches is not None:
             return lambda t: self.derivative(t, state)
         return lambda t: rhs(t, state, parameters)
@@ -343,12 +343,8 @@ class ForcedSystem:
         """Return the signs of the switching functions at one time and state: -1, 1, and 0 on a surface."""
         if self.switches is None:
             return ()
-        values = map(float, self.switches(t, tuple(x), self.parameters))
+        values = map(float, self.switches(t, as_state(self.switches, x), self.parameters))
         return tuple(float(h > 0.0) - float(h < 0.0) for h in values)
-
-    def _state(self, x: Sequence[float]) -> tuple[float, ...]:
-        """Return a state that cannot be changed; what numba has compiled takes plain tuples alone."""
-        return tuple(x) if hasattr(self.rhs, "py_func") else State(x)
 
     def derivative(self, t: float, x: Sequence[float], signs: Sequence[float] | None = None) -> tuple[float, ...]:
         """Return the right-hand side at one time and state, evaluated in plain Python.
@@ -357,12 +353,12 @@ class ForcedSystem:
         surface the mean of both sides is returned.
         """
         if self.switches is None:
-            return tuple(self.rhs(t, self._state(x), self.parameters))
+            return tuple(self.rhs(t, as_state(self.rhs, x), self.parameters))
         own = self.signs(t, x)
         chosen = own if signs is None else tuple(finite_number("signs", s, at_least=-1.0, at_most=1.0) for s in signs)
         if len(chosen) != len(own):
             raise ValueError(f"signs={signs!r}: give {len(own)}, one for each switching function")
-        return tuple(self.rhs(t, self._state(x), self.parameters, chosen))
+        return tuple(self.rhs(t, as_state(self.rhs, x), self.parameters, chosen))
 
     def fun(self, t: float, y: Floats) -> Floats:
         """Return the right-hand side in the form that :func:`scipy.integrate.solve_ivp` takes."""
@@ -391,10 +387,9 @@ class ForcedSystem:
         points = finite_points("states", states, self.dimension)
         times = real_array("t", t)
         try:
-            times, *columns = np.broadcast_arrays(times, *np.moveaxis(points, -1, 0))
+            np.broadcast_shapes(times.shape, points.shape[:-1])
         except ValueError:
             raise ValueError(
                 f"t has the shape {times.shape}, which does not broadcast with states of {points.shape}"
             ) from None
-        function = over_arrays(self.outputs[name])
-        return np.stack(np.broadcast_arrays(times, *function(times, tuple(columns), self.parameters))[1:], axis=-1)
+        return over_states(self.outputs[name], times, points, self.params)

@@ -212,7 +212,6 @@ def test_diagrams_beyond_memory_are_refused():
         lambda x: x,
         lambda t, x, p: p.b,
         lambda t, x, p: x[5],
-        lambda t, x, p: 1.0 if x[0] > 0.0 else 0.0,
         lambda t, x, p: 1j * x[0],
         lambda t, x, p: None,
     ],

@@ -233,7 +233,7 @@ VALUES = (
 TYPES = (
     (lambda: free(lambda x, t, p: (x[1], -x[0] + cos(2 * t))), r"state before the time: .* rhs\(t, x, p\)"),
     (lambda: system(lambda t, x: x), r"rhs must be callable as rhs\(t, x, p\)"),
-    (lambda: system(lambda t, x, p: -0.5 * x), r"x and p are tuples: write x\[0\], x\[1\], .* np.array"),
+    (lambda: system(lambda t, x, p: -0.5 * p), "p is a tuple: write p.name"),
     (lambda: system(lambda t, x, p: ("a", "b")), "its components must be real numbers"),
     (lambda: system(lambda t, x, p: (x[1], -p["d"] * x[1])), r"p\['name'\]: p is a named tuple; write p.name"),
     (lambda: free(lambda t, x, p: -x[0], names=("x",)), r"not iterable; return .*`return \(value,\)`"),
@@ -249,7 +249,7 @@ TYPES = (
     (lambda: grid(shape=(4.0, 4)), "shape=4.0: give a whole number, the int 4"),
     (lambda: grid((-1.0, 0.0), (1.0, 1.0), (4, 4), (1, 0)), r"wraps=\(1, 0\): give True or False"),
     (lambda: mapping(lambda x: x), r"function must be callable as function\(x, p\)"),
-    (lambda: mapping(lambda x, p: p.a * x), r"x and p are tuples: write x\[0\]"),
+    (lambda: mapping(lambda x, p: (x[0] * p, 0.0)), "p is a tuple: write p.name"),
     (lambda: mapping(lambda x, p: -x[0], coordinates=("x",)), r"returns -0\.1: .*`return \(value,\)`"),
     (lambda: mapping(lambda x, p: (np.interp(x[0], [0.0, 2.0, 1.0], [0.0] * 3), x[1])), "must increase"),
     (lambda: mapping(lambda x, p: (np.interp(x[0], LONG, LONG), x[1])), r"2000 points.*systems\.sampled_drive"),

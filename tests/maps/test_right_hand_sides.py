@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from two_tiers import at_once
 
 from cellmap import ForcedSystem, discrete_map, stroboscopic_map
-from cellmap.maps import Status, jacobian
+from cellmap.maps import Impact, Status, jacobian, section_map
 
 ImagesOf = Callable[..., NDArray[np.float64]]
 
@@ -101,3 +101,58 @@ def test_functions_of_numpy_have_formulas(name: str) -> None:
     points = np.linspace(-1.9, 1.9, 40)
     expected = [float(function(q)) for q in points.tolist()]
     assert found(points[:, np.newaxis])[:, 0] == pytest.approx(expected, rel=1e-14, abs=1e-15)
+
+
+K = np.array([[2.0, -1.0], [-1.0, 2.0]])
+
+
+def in_coordinates(t, x, p):
+    a, b, u, v = x
+    return u, v, -2.0 * a + b - 0.1 * u - a**3 + p.g * math.cos(t), a - 2.0 * b - 0.1 * v - b**3
+
+
+def force(t, p):
+    return p.g * math.cos(t) * np.array([1.0, 0.0])
+
+
+ARRAYS = (
+    lambda t, x, p: [*x[2:], *(force(t, p) - 0.1 * x[2:] - K @ x[:2] - x[:2] ** 3)],
+    lambda t, x, p: x[2:] + tuple(x[:2] @ -K - x[2:] * 0.1 - x[:2] * x[:2] * x[:2] + force(t, p)),
+    lambda t, x, p: np.r_[x[2:], (x[::-1][:2] * -0.1 - x[1::-1] @ K - np.power(x[1::-1], 3))[::-1] + force(t, p)],
+    lambda t, x, p: np.concatenate([x[[2, 3]], -K.dot(x[:2]) - 0.1 * x.reshape(2, 2)[1] - x[0:2] ** 3 + force(t, p)]),
+    lambda t, x, p: (x[2], x[3], *(force(t, p) - K @ (x[:2] + x[2:] - x[2:]) - x[2:] / 10.0 - (-x[:2]) ** 2 * x[:2])),
+)
+
+
+@pytest.mark.parametrize("rhs", ARRAYS)
+def test_a_state_is_an_array_where_arithmetic_is_done_with_all_of_it(rhs):
+    states = np.random.default_rng(0).normal(size=(5, 4))
+    found, expected = (
+        stroboscopic_map(ForcedSystem(f, {"g": 0.3}, 2 * math.pi, ("a", "b", "u", "v"))) for f in (rhs, in_coordinates)
+    )
+    assert found.unknown_formulas == ""
+    assert np.abs(found(states) - expected(states)).max() < 1e-9
+    assert np.abs(jacobian(found, states) - jacobian(expected, states)).max() < 1e-8
+    sections = [
+        section_map(
+            ForcedSystem(lambda t, x, p, f=f: f(0.0, x, p), {"g": 0.3}, 1.0, ("a", "b", "u", "v")), ("a", 0.0, 1)
+        )
+        for f in (rhs, in_coordinates)
+    ]
+    assert np.abs(np.subtract(*[s([[0.1, 0.8, 0.2], [0.3, 0.5, -0.1]]) for s in sections])).max() < 1e-9
+
+
+def test_functions_of_maps_take_states_as_arrays():
+    image = discrete_map(lambda x, p: K @ x - 0.1 * x**3, {}, ("x", "y"), ends={"far": lambda x, p: x @ x - 9.0})
+    assert np.array_equal(image([1.0, 0.5]), K @ [1.0, 0.5] - 0.1 * np.array([1.0, 0.125]))
+    assert np.isnan(image([2.9, 1.0])).all()
+    system = ForcedSystem(
+        lambda t, x, p: (x[1], -x[0]),
+        {},
+        math.pi,
+        ("q", "v"),
+        impacts=[Impact(lambda t, x, p: x.sum() + 2.0, lambda t, x, p: -x)],
+        outputs={"energy": lambda t, x, p: (0.5 * x @ x if x[0] > 0.0 else 0.0,)},
+    )
+    assert stroboscopic_map(system)([1.0, 0.0]) == pytest.approx([-1.0, 0.0], abs=1e-9)
+    assert system.output("energy", 0.0, [[1.0, 2.0], [-1.0, 2.0]]).ravel().tolist() == [2.5, 0.0]

@@ -206,7 +206,7 @@ class Expression:
 def _by_entries(method: Callable[..., Any]) -> Callable[..., Any]:
     """Leave operations with arrays to these."""
     return lambda self, *others: (
-        NotImplemented if any(isinstance(o, np.ndarray) for o in others) else method(self, *others)
+        NotImplemented if any(isinstance(o, np.ndarray | tuple) for o in others) else method(self, *others)
     )
 
 

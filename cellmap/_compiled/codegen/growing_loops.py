@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from .trace import as_state
+
 _SIZES = (1.0, 1e3, 1e6)
 _MOST_STEPS = 100_000  # of the interpreter: more are counted nowhere, for they would take a second
 _MOST_BYTES = 2**20  # of lists and arrays that a call makes
@@ -38,7 +40,7 @@ def check_lengths(name: str, function: Callable[..., Any], dimension: int, recor
     for sign in (1.0, -1.0):
         least: tuple[int, int] | None = None
         for size in _SIZES:
-            state = tuple(sign * size * (0.9 + 0.07 * j) for j in range(dimension))
+            state = as_state(function, (sign * size * (0.9 + 0.07 * j) for j in range(dimension)))
             work = _work(function, state, record)
             least = least or work
             for most, few, many in zip((_MOST_STEPS, _MOST_BYTES), least, work, strict=True):

@@ -11,11 +11,15 @@ from dataclasses import dataclass, replace
 from math import log10
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ..._lib.arrays import Floats
 from ..kernels import periods
 from ..machine_code import MachineCode
 from .captured import kept
 from .derivative import frame_traces, jet_trace
 from .emit import evaluate, inputs
+from .evaluation import evaluated
 from .expression import UntraceableError, in_order
 from .filippov import SwitchingTrace, switching_trace
 from .growing_loops import check_lengths
@@ -26,7 +30,7 @@ from .own_steps import compiled_own_steps
 from .period import CompiledPeriod, PerLane, PerStep, Step, Values, compiled_period, compiled_rows, relative_errors
 from .runge_kutta import called_steps
 from .switching import compiled_switching
-from .trace import CONSTANT, STATEFUL, TIMED, Trace, is_faithful, parameter_record, trace
+from .trace import CONSTANT, STATEFUL, TIMED, Trace, as_state, is_faithful, parameter_record, trace
 from .untraced import Prepared, compiled_untraced, single_call
 
 if TYPE_CHECKING:
@@ -92,6 +96,25 @@ def _why_untraced(function: Callable[..., Any], dimension: int, names: Names, va
         reason = _OTHER_VALUES
     check_lengths(name, function, dimension, parameter_record(names)(*values))
     return reason
+
+
+def over_states(function: Callable[..., Any], times: Any, states: Floats, params: Mapping[str, Any]) -> Floats:
+    """Return the values (..., components) of ``f(t, x, p)`` at states (..., dimension) and times that broadcast.
+
+    Parameters may be arrays as well.  Formulas are evaluated over arrays; of what has none there is a call for each.
+    """
+    names, columns = tuple(params), np.moveaxis(states, -1, 0)
+    inputs = np.broadcast_arrays(times, *columns, *params.values())
+    first = [float(v.flat[0]) if v.size else 0.0 for v in inputs[1 + len(columns) :]]
+    traced = traced_function(function, len(columns), names)
+    if traced is not None and is_faithful(traced, function, tuple(first), parameter_record(names)(*first)):
+        places = dict(zip((traced.time, *traced.states, *traced.parameters), inputs, strict=True))
+        found = np.broadcast_arrays(inputs[0], *evaluated(traced.outputs, places))[1:]
+    else:
+        rows = [(t, x[: len(columns)], x[len(columns) :]) for t, *x in zip(*(v.flat for v in inputs), strict=True)]
+        values = [np.atleast_1d(function(t, as_state(function, x), parameter_record(names)(*p))) for t, x, p in rows]
+        found = [np.reshape(column, inputs[0].shape) for column in zip(*values, strict=True)]
+    return np.stack(found, axis=-1)
 
 
 @kept

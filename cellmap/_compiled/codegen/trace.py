@@ -6,18 +6,19 @@ import dis
 import functools
 import random
 from collections import namedtuple
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from .arrays import in_a_trace
+from .arrays import in_a_trace, is_symbolic
 from .branches import BranchingGraph
 from .elementary import elementary_functions
 from .evaluation import evaluated
 from .expression import (
     JUMPING,
+    Comparison,
     ComparisonError,
     Expression,
     UndefinedError,
@@ -25,7 +26,7 @@ from .expression import (
     in_order,
     is_analytic,
 )
-from .rebind import rebind, uses_numpy
+from .rebind import CANONICAL_NAMES, rebind, uses_numpy
 from .tables import TableError
 
 CONSTANT, TIMED, STATEFUL = range(3)
@@ -37,9 +38,40 @@ class StateChangedError(TypeError):
 
 
 class State(tuple[Any, ...]):
-    """State variables as functions receive them: what would change them is an error that says what to write."""
+    """State variables as functions receive them: a tuple that is an array where arithmetic is done with all of it.
+
+    ``x + (a, b)`` joins tuples; every other operation is that of arrays.  What would change a state is an error that
+    says what to write.
+    """
 
     __slots__ = ()
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, slice):
+            return State(super().__getitem__(key))
+        try:
+            return super().__getitem__(key)
+        except TypeError:
+            return self._array[key]
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or not hasattr(np.ndarray, name):
+            raise AttributeError(f"the state has no attribute {name!r}", name=name, obj=self)
+        return getattr(self._array, name)
+
+    @property
+    def _array(self) -> Any:
+        return in_a_trace(np.array(list(self), dtype=object)) if is_symbolic(self) else np.array(list(self))
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        """Apply a function of NumPy to the array."""
+        return getattr(ufunc, method)(*(i._array if isinstance(i, State) else i for i in inputs), **options)
+
+    def __add__(self, other: Any) -> Any:
+        return super().__add__(other) if type(other) is tuple else self._array + other
+
+    def __radd__(self, other: Any) -> Any:
+        return other + tuple(self) if type(other) is tuple else other + self._array
 
     def _refused(self, *_: Any) -> Any:
         raise StateChangedError(
@@ -49,6 +81,30 @@ class State(tuple[Any, ...]):
         )
 
     __setitem__ = __delitem__ = __iadd__ = __imul__ = _refused
+
+
+def _of_array(name: str) -> Callable[..., Any]:
+    """Return a method of a state that is that of the array."""
+
+    def apply(self: State, *others: Any) -> Any:
+        return getattr(self._array, name)(*(o._array if isinstance(o, State) else o for o in others))
+
+    return apply
+
+
+for _name in "sub mul truediv floordiv mod pow matmul".split():
+    setattr(State, f"__{_name}__", _of_array(f"__{_name}__"))
+    setattr(State, f"__r{_name}__", _of_array(f"__r{_name}__"))
+for _name in "neg pos abs gt ge lt le".split():
+    setattr(State, f"__{_name}__", _of_array(f"__{_name}__"))
+
+
+def as_state(function: Any, values: Iterable[Any]) -> tuple[Any, ...]:
+    """Return a state as a function takes it: what numba has compiled takes plain tuples alone."""
+    return tuple(values) if hasattr(function, "py_func") else State(values)
+
+
+CANONICAL_NAMES[State] = "state"
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +130,9 @@ class Trace:
         def run() -> Sequence[Any]:
             try:
                 twin = rebind(function, elementary_functions(), inside=in_a_trace)
-                return tuple(self.graph.lift(e) for e in twin(self.time, State(self.states), record, *further))
+                found = twin(self.time, State(self.states), record, *further)
+                several = (found,) if isinstance(found, Expression | Comparison | int | float) else found
+                return tuple(self.graph.lift(e) for e in several)
             except (ComparisonError, StateChangedError, TableError, UntraceableError):
                 raise
             except Exception as error:
@@ -195,7 +253,7 @@ def is_faithful(
     rng = random.Random(0)
     places, expected = [], []
     for size in (0.0, 0.1, 1.0, 1.0, 10.0):
-        state = tuple(size * rng.uniform(-1.0, 1.0) for _ in traced.states)
+        state = as_state(function, (size * rng.uniform(-1.0, 1.0) for _ in traced.states))
         t = rng.uniform(0.0, 10.0)
         try:
             found = list(function(t, state, record))

@@ -90,7 +90,7 @@ def _compiled(function: Callable[..., Any], dimension: int, names: tuple[str, ..
     numba = importlib.import_module("numba")
     compiler, width = numba.njit(**OF_USERS), vector_width()
     # Whole parts of huge numbers stay numbers: those of math are whole numbers of 64 bits.
-    table = {"int": compiler(_whole), "round": compiler(_nearest), "floor": np.floor}
+    table = {"int": compiler(_whole), "round": compiler(_nearest), "floor": np.floor, "state": tuple}
     values, places = [f"y{j}" for j in range(dimension)], [f"i + {j * width}" for j in range(dimension)]
     state = "".join(f"x[{place}], " for place in places)
     # Read before the loop, lest they seem to change with what is written in it.
