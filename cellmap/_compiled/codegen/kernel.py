@@ -6,7 +6,7 @@ text of what they compute and not on parameter values: sweeping a parameter comp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import log10
 from typing import TYPE_CHECKING, Any
@@ -109,7 +109,7 @@ def over_states(function: Callable[..., Any], times: Any, states: Floats, params
     traced = traced_function(function, len(columns), names)
     if traced is not None and is_faithful(traced, function, tuple(first), parameter_record(names)(*first)):
         places = dict(zip((traced.time, *traced.states, *traced.parameters), inputs, strict=True))
-        found = np.broadcast_arrays(inputs[0], *evaluated(traced.outputs, places))[1:]
+        found: Sequence[Any] = np.broadcast_arrays(inputs[0], *evaluated(traced.outputs, places))[1:]
     else:
         rows = [(t, x[: len(columns)], x[len(columns) :]) for t, *x in zip(*(v.flat for v in inputs), strict=True)]
         values = [np.atleast_1d(function(t, as_state(function, x), parameter_record(names)(*p))) for t, x, p in rows]
