@@ -19,7 +19,7 @@ export PIP_CONSTRAINT := $(PINS)
 export PIP_BUILD_CONSTRAINT := $(PINS)
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-docs basins figures test test-thorough test-all test-newest test-oldest test-aarch64 coverage dist mutants size check check-code check-pins check-site bench bench-history docs pins clean
+.PHONY: help env env-docs basins figures test test-thorough test-all test-newest test-oldest test-aarch64 coverage dist mutants size check check-code check-pins check-site bench bench-history docs docs-tables pins clean
 
 help:
 	@echo "make basins       basins of the driven pendulum (figure 19), into studies/output/"
@@ -41,6 +41,7 @@ help:
 	@echo "make bench        speed against other programs, as ratios"
 	@echo "make bench-history  CPU time of a few jobs at this commit, added to docs/bench_history.csv"
 	@echo "make docs         the site, into docs/_build/html/"
+	@echo "make docs-tables  tables of names and files in pages and READMEs, from the code"
 	@echo "make pins         renew constraints.txt: the newest version of every package"
 	@echo "make env          the environment alone, in .venv/"
 	@echo "make env-docs     the same with what the site needs"
@@ -182,6 +183,10 @@ bench-history: env
 docs: env-docs
 	$(RUN) -m sphinx -q -W --keep-going docs docs/_build/html
 	@echo "The site starts at $(CURDIR)/docs/_build/html/index.html"
+
+# Rows of public names, and a README of each room, as a checkout shows them; a test compares them with the code.
+docs-tables: env
+	$(RUN) docs/_extensions/reference_tables.py
 
 clean:
 	rm -rf .venv-newest .venv-oldest .venv-dist .venv-pins .coverage build dist *.egg-info docs/_build docs/auto docs/generated studies/output

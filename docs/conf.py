@@ -15,6 +15,7 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("CELLMAP_CACHE_DIR", str(HERE.parent / ".pytest_cache" / "d" / "kernels"))
 
 import inventories
+import reference_tables
 from alternative_text import FigureScraper
 from sphinx.search.en import SearchEnglish
 
@@ -34,13 +35,13 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
-    "function_chart",
     "mathml",
     "live_pages",
     "page_figures",
     "plain_notebooks",
     "printed_output",
     "reference_figures",
+    "reference_tables",
     "short_names",
     "stages",
     "study_pages",
@@ -56,7 +57,7 @@ nitpick_ignore_regex = [(r"py:class", r"[^.]*|.*\s.*")]
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
-autosummary_generate = True
+autosummary_generate = reference_tables.names_for_autosummary()
 autosummary_ignore_module_all = False
 napoleon_google_docstring = False
 napoleon_use_param = False

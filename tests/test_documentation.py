@@ -151,6 +151,13 @@ def test_links_lead_to_files_and_headings(page):
             assert heading in [re.sub(r"[^\w -]", "", t.lower()).replace(" ", "-") for t in titles], target
 
 
+def test_files_that_the_architecture_names_are_there():
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    there = [path.as_posix() for room in ("cellmap", "systems") for path in (ROOT / room).rglob("*.*")]
+    named = re.findall(r"`([\w/]+\.(?:pyi?|js))`", text)
+    assert len(named) > 60 and not [name for name in named if not any(path.endswith(f"/{name}") for path in there)]
+
+
 def test_every_verb_of_make_is_described():
     rules = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     described = re.findall(r"^\t@echo \"make ([a-z-]+) ", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)

@@ -92,7 +92,7 @@ def test_each_public_name_has_a_page_of_the_reference():
     """In one of its groups, by the shortest of its names, and once."""
     pages = [*sorted(DOCS.glob("reference-*.md")), DOCS / "systems-reference.md"]
     text = "".join(page.read_text(encoding="utf-8") for page in pages)
-    listed = re.findall(r"^   ~?((?:cellmap|systems)\.\S+)$", text, re.MULTILINE)
+    listed = re.findall(r"^\| \[`((?:cellmap|systems)\.[\w.]+)`", text, re.MULTILINE)
     rooms = [importlib.import_module(room) for room in sorted({name.rpartition(".")[0] for name in listed})]
     public = {id(getattr(room, name)): name for room in rooms for name in getattr(room, "__all__", ())}
     unlisted = {id(thing) for thing in public_constants(rooms)} | {id(module) for module in sys.modules.values()}
@@ -107,13 +107,23 @@ def public_constants(rooms):
     return [thing for thing in things if isinstance(thing, float | str | tuple)]
 
 
+def test_tables_of_names_and_files_are_those_of_the_code(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS / "_extensions")
+    texts = importlib.import_module("reference_tables").written()
+    old = [path.name for path, text in texts.items() if not path.exists() or path.read_text(encoding="utf-8") != text]
+    assert not old, "make docs-tables"
+    assert len(texts) > 25 and not [
+        text for text in texts.values() if "eval-rst" in text or "| |\n|" in text.replace("name | |", "")
+    ]
+
+
 def test_each_plotting_function_has_a_figure_on_its_page(monkeypatch):
     """From the gallery, or from the first program on a page of the guide that calls it."""
     monkeypatch.syspath_prepend(DOCS / "_extensions")
     figures = extension("page_figures").known_figures()
     programs = "".join(program.read_text(encoding="utf-8") for program in PROGRAMS)
     listed = re.findall(
-        r"^   ~cellmap\.plot\.(\S+)$", (DOCS / "reference-plot.md").read_text(encoding="utf-8"), re.MULTILINE
+        r"^\| \[`cellmap\.plot\.(\w+)`", (DOCS / "reference-plot.md").read_text(encoding="utf-8"), re.MULTILINE
     )
     assert len(listed) > 40
     without = {name for name in listed if f"plot.{name}" not in figures and f"plot.{name}(" not in programs}

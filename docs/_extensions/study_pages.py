@@ -17,6 +17,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from reference_tables import EXPORTS
+
 import systems.lab
 from studies import hard_cases
 from studies.__main__ import study_names
@@ -24,7 +26,6 @@ from studies.__main__ import study_names
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
-LABORATORY = "<!-- everything that systems.lab exports -->"
 HARD_CASES = "<!-- what came out of the hard cases -->"
 WORK_PRECISION = "<!-- what accuracy costs -->"
 GALLERY = "<!-- what the studies draw and print -->"
@@ -166,8 +167,9 @@ def computes() -> bool:
 
 def fill_page(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put what is computed into the pages that ask for it."""
+    if EXPORTS in source[0]:
+        source[0] = source[0].split(EXPORTS)[0] + exports(systems.lab)
     pages = {
-        LABORATORY: lambda: exports(systems.lab),
         HARD_CASES: computed(hard_case_results),
         WORK_PRECISION: computed(work_precision_results),
         GALLERY: computed(gallery),

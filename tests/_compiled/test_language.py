@@ -1,4 +1,4 @@
-"""The limits of the language of loops, as its table in docs/architecture.md states them."""
+"""The limits of the language of loops, as its table in docs/loop-language.md states them."""
 
 import ast
 import math
@@ -14,7 +14,7 @@ from cellmap._compiled.translation.grammar import LanguageError
 from tests._compiled.random_loops import imported
 from tests._compiled.test_translation import differences
 
-PAGE = Path(__file__).parents[2] / "docs" / "architecture.md"
+PAGE = Path(__file__).parents[2] / "docs" / "loop-language.md"
 HEAD = "import math\nimport numpy as np\nfrom cellmap._compiled.loops import inlined, loop\n"
 
 

@@ -64,13 +64,19 @@ def test_the_scene_has_the_parameters_of_its_parts_alone() -> None:
                 )
 
 
-def test_colours_and_codes_of_the_page_are_those_of_the_figures() -> None:
-    text = (PAGE / "colours.js").read_text(encoding="utf-8")
-    (listed,) = re.findall(r"const COLOURS = \[(.*?)\]", text, re.DOTALL)
-    assert tuple(re.findall(r'"(#\w+)"', listed)) == COLOURS
-    codes = {int(code): json.loads(rgb) for code, rgb in re.findall(r'"(-\d)": (\[.*?\])', text)}
-    figures = {int(code): [round(255 * part) for part in to_rgb(colour)] for code, colour in CODE_COLOURS.items()}
-    assert codes == figures
+def test_colours_of_the_page_are_those_of_the_figures(request: pytest.FixtureRequest) -> None:
+    """`pytest --update-reference` writes the colours of cellmap.plot into the page."""
+    page = PAGE / "colours.js"
+    codes = {int(code): [round(255 * part) for part in to_rgb(colour)] for code, colour in CODE_COLOURS.items()}
+    lines = [f"const COLOURS = {json.dumps(COLOURS)};", f"const CODES = {json.dumps(codes)};"]
+    kept = page.read_text(encoding="utf-8")
+    wanted = re.sub(r"^const (COLOURS|CODES) = .*$", lambda _: lines.pop(0), kept, flags=re.MULTILINE)
+    if request.config.getoption("--update-reference"):
+        page.write_text(wanted, encoding="utf-8")
+    assert page.read_text(encoding="utf-8") == wanted
+
+
+def test_the_page_knows_the_schema_and_its_modules_are_short() -> None:
     assert f"const SCHEMA = {SCHEMA};" in (PAGE / "address.js").read_text(encoding="utf-8")
     for path in PAGE.glob("*.js"):
         assert len(path.read_text(encoding="utf-8").splitlines()) <= 350, path.name
