@@ -35,8 +35,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 from mutants import Mutant, chosen, mutants_of
 
 ROOT = Path(__file__).parents[2]
-USED = {"_lib": ["_lib", "basins", "attractors", "maps"], "plot": ["plot", "_lib/bad_input"]}
-"""Rooms whose tests count; elsewhere those of the room itself.  All figures are looked at where all functions are."""
+USED = {"_lib": ["_lib", "basins", "attractors", "maps"]}
+"""Rooms whose tests count; elsewhere those of the room itself."""
+RESULTS = "_lib/bad_input"
+"""What looks at the results of all rooms."""
 OPTIONS = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
 PREPARED = "h5py hypothesis llvmlite.binding matplotlib.pyplot mpmath scipy.integrate sklearn.cluster sympy"
 DEFAULTS = "tests/test_names.py::test_defaults_change_on_purpose"
@@ -316,7 +318,8 @@ def main() -> None:
     done = judged(results)
     mutants = [mutant for mutant in mutants if key_of(vars(mutant)) not in done]
     for room in dict.fromkeys(Path(mutant.path).parts[1] for mutant in mutants):
-        used = list(dict.fromkeys([*USED.get(room, [room]), *given.also]))
+        everywhere = [RESULTS] if Path("tests", RESULTS).exists() else []
+        used = list(dict.fromkeys([*USED.get(room, [room]), *everywhere, *given.also]))
         recorded = [record(tree, r, given.work / f"{r.replace('/', '.')}.json") for r in used]
         found = [(m, *tests_of(m, recorded, given.most)) for m in mutants if Path(m.path).parts[1] == room]
         judge = Judge(tree, results, [(m, tests, seconds) for m, tests, seconds, at_import in found if not at_import])

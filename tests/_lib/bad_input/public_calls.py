@@ -271,6 +271,14 @@ def good_arguments(name: str) -> Mapping[str, Any]:
     return chosen
 
 
+def cases(name: str) -> Mapping[str, Mapping[str, Any]]:
+    """Return good calls: one, and one with all switches turned; none of a plan, which measures times, nor of cycles."""
+    if "plan" in re.split(r"[._]", name.lower()) or name in ("Option.meets", "TransferOperator.cycle"):
+        return {}
+    turned = {p.name: not p.default for p in parameters(name) if isinstance(p.default, bool) and p.name != "progress"}
+    return {name: good_arguments(name), " ".join([name, *turned]): {**good_arguments(name), **turned}}
+
+
 RECORDS = {*MADE_BY, *BY_HAND, *WITH_METHODS}
 
 

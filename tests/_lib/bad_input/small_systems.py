@@ -28,7 +28,7 @@ LABELS = (np.add.outer(np.arange(64) ** 2, np.arange(64) * 40) > 1500).astype(in
 
 @cache
 def wells() -> PointMap:
-    return discrete_map(two_wells, {"r": 1.5, "s": 0.5}, ("x", "y"), "two wells")
+    return discrete_map(two_wells, {"r": 1.55, "s": 0.5}, ("x", "y"), "two wells")
 
 
 @cache
