@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import errno
 import functools
 import importlib
@@ -18,6 +19,7 @@ from keyword import iskeyword
 from math import isfinite, nan
 from pathlib import Path
 from reprlib import Repr
+from types import SimpleNamespace
 from typing import Any, NoReturn
 
 import numpy as np
@@ -331,8 +333,12 @@ def check_mapping(name: str, value: Any, of: str) -> None:
         raise TypeError(f"{name}={shown(value)}: give a mapping {of}")
 
 
-def parameter_values(params: Mapping[str, Any]) -> dict[str, float]:
+def parameter_values(params: Any) -> dict[str, float]:
     """Return parameters as floats, in the order given: an array K as its entries, by names such as "K[0, 1]"."""
+    if dataclasses.is_dataclass(params) and not isinstance(params, type):
+        params = {f.name: getattr(params, f.name) for f in dataclasses.fields(params)}
+    elif isinstance(params, SimpleNamespace) or hasattr(params, "_asdict"):
+        params = params._asdict() if hasattr(params, "_asdict") else vars(params)
     check_mapping("params", params, "of names to numbers, such as {'delta': 0.15}")
     for name in params:
         base = name.partition("[")[0] if isinstance(name, str) and _ENTRY.fullmatch(name) else name

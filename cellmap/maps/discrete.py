@@ -51,7 +51,7 @@ _BOUND = 1e100
 @checked
 def discrete_map(
     function: Callable[[Sequence[float], Any], Sequence[float]],
-    params: Mapping[str, float],
+    params: Mapping[str, float] | Any,
     coordinates: Iterable[str | Coordinate],
     name: str = "",
     ends: Mapping[str, Callable[[Sequence[float], Any], float]] | None = None,
@@ -63,7 +63,7 @@ def discrete_map(
     function : callable
         Pure function ``function(x, p)`` of the tuple of state variables and the named tuple of parameters; returns the
         tuple of images.  Angles need not be wrapped.
-    params : mapping of str to float or ndarray
+    params : mapping of str to float or ndarray, dataclass or namedtuple
         Parameters by name; entries of arrays have names such as "K[0, 1]".
     coordinates : sequence of str or Coordinate
         State variables.

@@ -51,7 +51,8 @@ def with_parameters(
             f"fun asks for {', '.join(lacking)}: give args=(...) in that order, or params={{{lacking[0]!r}: ...}}"
         )
     values = {name: values.get(name, defaults.get(name)) for name in names}
-    numbers = {name: value for name, value in values.items() if np.asarray(value).dtype.kind in "iuf"}
+    plain = {name: value for name, value in values.items() if not hasattr(value, "_fields")}
+    numbers = {name: value for name, value in plain.items() if np.asarray(value).dtype.kind in "iuf"}
     fixed = tuple(None if name in numbers else value for name, value in values.items())
     return _right_hand_side(fun, tuple(name if name in numbers else "" for name in names), fixed), numbers
 

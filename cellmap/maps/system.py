@@ -59,7 +59,7 @@ class ForcedSystem:
         Pure function ``rhs(t, x, p)`` of time, the tuple of state variables and the named tuple of parameters; returns
         the tuple of derivatives.  Write it with :mod:`math` and plain arithmetic.  With `switches` it is
         ``rhs(t, x, p, s)``, where s is the tuple of their signs.
-    params : mapping of str to float or ndarray
+    params : mapping of str to float or ndarray, dataclass or namedtuple
         Parameters by name; the right-hand side reads them as ``p.name``.  Entries of arrays, ``p.K[0, 1]``, are
         parameters with names such as "K[0, 1]".
     period : float or callable
@@ -110,7 +110,7 @@ class ForcedSystem:
 
     _made_by: ClassVar = ""
     rhs: RightHandSide
-    params: Mapping[str, float] = field(repr=False)
+    params: Mapping[str, float] | Any = field(repr=False)
     period: float | Callable[[Any], float]
     coordinates: Iterable[str | Coordinate]
     name: str = ""

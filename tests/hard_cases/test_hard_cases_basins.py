@@ -110,7 +110,9 @@ def inside(region: Neighbourhood, points: np.ndarray, exact: PointMap) -> np.nda
 def test_an_orbit_is_examined_once(r, monkeypatch):
     """One that gets no neighbourhood is met at every look, from many ends and as each of its points."""
     examined = []
-    monkeypatch.setattr("cellmap.attractors.kinds.cycles.trapping_neighbourhood", lambda point_map, a, *_: examined.append(a))
+    monkeypatch.setattr(
+        "cellmap.attractors.kinds.cycles.trapping_neighbourhood", lambda point_map, a, *_: examined.append(a)
+    )
     logistic = discrete_map(lambda x, p: (p.r * x[0] * (1.0 - x[0]),), {"r": r}, ("x",))
     assert find_attractors(logistic, np.linspace(0.03, 0.97, 30)[:, None]) == ()
     assert len(examined) == 1
@@ -118,7 +120,9 @@ def test_an_orbit_is_examined_once(r, monkeypatch):
 
 def test_unstable_solutions_are_not_examined(monkeypatch):
     examined = []
-    monkeypatch.setattr("cellmap.attractors.kinds.cycles.stable_orbit", lambda point_map, point, *_: examined.append(point))
+    monkeypatch.setattr(
+        "cellmap.attractors.kinds.cycles.stable_orbit", lambda point_map, point, *_: examined.append(point)
+    )
     find_attractors(systems.henon_map(), np.random.default_rng(0).uniform(-0.1, 0.1, (30, 2)), max_periods=300)
     assert examined == []
 

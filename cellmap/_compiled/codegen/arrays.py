@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from .complex_numbers import ComplexExpression, phase
 from .elementary import clip, elementary_functions, nearest, where
 from .expression import Answer, Comparison, ComparisonError, Expression, UntraceableError
 from .rebind import CANONICAL_NAMES
@@ -24,6 +25,7 @@ LARGEST_MATRIX = 6
 """Of a system of linear equations that is solved by formulas, of which there are twice as many for each row more."""
 
 _FLOATS = ("d", "f8", "float", "float64", np.dtype(float))
+_COMPLEX = ("D", "c16", "complex", "complex128", np.dtype(complex))
 _FUNCTIONS = (np.ufunc, types.FunctionType, types.BuiltinFunctionType, type(np.concatenate))
 
 
@@ -40,7 +42,25 @@ class TracedArray(np.ndarray[Any, Any]):
 
     def astype(self, dtype: Any, *further: Any, **options: Any) -> Any:
         """Return a copy: floats and expressions are of one kind."""
-        return self.copy() if np.dtype(dtype).kind in "fO" else super().astype(dtype, *further, **options)
+        return self.copy() if np.dtype(dtype).kind in "fcO" else super().astype(dtype, *further, **options)
+
+    @property  # type: ignore[misc]
+    def real(self) -> Any:
+        """Real parts."""
+        return applied(np.real, (self,), {})
+
+    @property  # type: ignore[misc]
+    def imag(self) -> Any:
+        """Imaginary parts."""
+        return applied(np.imag, (self,), {})
+
+    def view(self, *kinds: Any) -> Any:  # type: ignore[override]
+        """Return the array, or its numbers as complex ones, or these as numbers."""
+        if kinds and _names(kinds[0], complex):
+            return self[..., ::2] + 1j * self[..., 1::2]
+        if kinds and _names(kinds[0], float) and any(isinstance(e, Expression.complex_kinds) for e in self.flat):
+            return _traced(np.stack([self.real, self.imag], axis=-1).reshape(*self.shape[:-1], -1))
+        return super().view(*kinds)
 
     def dot(self, b: Any, out: Any = None) -> Any:
         """Return the product with a vector or a matrix."""
@@ -52,7 +72,7 @@ class TracedArray(np.ndarray[Any, Any]):
         super().__setitem__(key, value)
 
 
-Expression.__array_ufunc__ = TracedArray.__array_ufunc__
+Expression.__array_ufunc__ = ComplexExpression.__array_ufunc__ = TracedArray.__array_ufunc__
 
 
 def is_symbolic(item: Any) -> bool:
@@ -61,7 +81,7 @@ def is_symbolic(item: Any) -> bool:
         return item.dtype == object and any(map(is_symbolic, item.flat))
     if isinstance(item, list | tuple):
         return any(map(is_symbolic, item))
-    return isinstance(item, Expression | Comparison | Answer)
+    return isinstance(item, Expression | ComplexExpression | Comparison | Answer)
 
 
 def in_a_trace(value: Any) -> Any:
@@ -154,14 +174,35 @@ def applied(function: Any, arguments: Sequence[Any], options: dict[str, Any], me
         if not symbolic:
             raise
         name = getattr(function, "__qualname__", None) or function.__name__
-        raise UntraceableError(f"{name} has no formula for values that depend on x, t or p ({error})") from error
+        raise UntraceableError(
+            f"{name} has no formula for values that depend on x, t or p{_spline_for(function, name, arguments)}"
+        ) from error
+
+
+def _spline_for(function: Any, name: str, arguments: Sequence[Any]) -> str:
+    """Return the lines that replace a function of SciPy of one number that moves."""
+    moving = [is_symbolic(a) for a in arguments]
+    if not isinstance(function, np.ufunc) or sum(moving) != 1:
+        return ""
+    given = ", ".join("s" if moves else repr(a) for a, moves in zip(arguments, moving, strict=True))
+    return (
+        f": write s = np.linspace(lowest, highest, 201); spline = scipy.interpolate.CubicSpline(s, {name}({given})) "
+        f"before, and spline(...) in the place of {name}. Its pieces are located, and it goes on beyond its ends"
+    )
+
+
+def _names(value: Any, kind: type[Any]) -> bool:
+    """Tell whether a value names a kind of entries: floats or complex numbers."""
+    if isinstance(value, type):
+        return issubclass(value, kind | (np.floating if kind is float else np.complexfloating))
+    return isinstance(value, str | np.dtype) and value in {float: _FLOATS, complex: _COMPLEX}[kind]
 
 
 def _kind(value: Any, symbolic: bool) -> Any:
     """Return the kind of entries, where a value names that of floats: among them are expressions."""
-    is_float = isinstance(value, type) and issubclass(value, float | np.floating)
-    if is_float or (isinstance(value, str | np.dtype) and value in _FLOATS):
-        return object if symbolic else float
+    for kind in (float, complex):
+        if _names(value, kind):
+            return object if symbolic else kind
     return int if isinstance(value, type) and issubclass(value, int) and value is not bool else value
 
 
@@ -213,7 +254,7 @@ def _traced(found: Any) -> Any:
     """Return arrays of floats as such of objects."""
     if type(found) is tuple:
         return tuple(map(_traced, found))
-    if not isinstance(found, np.ndarray) or isinstance(found, TracedArray) or found.dtype.kind not in "fO":
+    if not isinstance(found, np.ndarray) or isinstance(found, TracedArray) or found.dtype.kind not in "fcO":
         return found
     return found.astype(object, copy=False).view(TracedArray)
 
@@ -284,7 +325,8 @@ def _product(a: Any, b: Any, out: Any = None) -> Any:
 
 
 def _is_zero(value: Any) -> bool:
-    return not isinstance(value, Comparison) and (value.vanishes if isinstance(value, Expression) else value == 0.0)
+    known = isinstance(value, Expression | ComplexExpression)
+    return not isinstance(value, Comparison) and (value.vanishes if known else value == 0.0)
 
 
 _TIMES = np.frompyfunc(lambda u, v: 0.0 if _is_zero(u) or _is_zero(v) else u * v, 2, 1)
@@ -296,7 +338,7 @@ def _norm(vector: Any, ord: Any = None, axis: Any = None, keepdims: bool = False
         raise UntraceableError(
             f"np.linalg.norm with ord={ord!r} has no formula here: that of a vector without ord has one"
         )
-    return applied(np.sqrt, (np.sum(entries * entries, axis=axis, keepdims=keepdims),), {})
+    return applied(np.sqrt, (np.sum((entries * entries.conj()).real, axis=axis, keepdims=keepdims),), {})
 
 
 def _select(conditions: Any, choices: Any, default: Any = 0.0) -> Any:
@@ -313,6 +355,9 @@ _RULES: dict[Any, Callable[..., Any]] = {
     np.linalg.solve: _solution,
     np.linalg.inv: lambda a: _solution(a, np.eye(len(a))),
     np.linalg.norm: _norm,
+    np.real: _by_entries(lambda value: value.real),
+    np.imag: _by_entries(lambda value: value.imag),
+    np.angle: _by_entries(phase),
     np.dot: _product,
     np.matmul: _product,
     np.linalg.det: lambda a: _minors(_matrix(a))(tuple(range(len(a)))),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import functools
 import math
 from collections.abc import Callable
@@ -10,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..._lib.checks import warn_caller
-from .expression import Comparison, Expression, operation_on_numbers
+from .complex_numbers import OF_COMPLEX, ComplexExpression, phase
+from .expression import Comparison, Expression, UntraceableError, operation_on_numbers
 from .functions import TABLE
 
 _OF_ANY_NUMBER = {"min", "max", "hypot"}
@@ -18,7 +20,7 @@ _OF_ANY_NUMBER = {"min", "max", "hypot"}
 
 def elementary_functions() -> dict[str, Callable[..., Any]]:
     """Return functions by their names in :mod:`math` that build expressions when an argument is one."""
-    return {**_KNOWN, **_COMPOSED, "float": _Float, "int": _Int}
+    return {**_KNOWN, **_COMPOSED, "float": _Float, "int": _Int, "complex": _Complex}
 
 
 def _elementary(name: str) -> Callable[..., Any]:
@@ -29,6 +31,8 @@ def _elementary(name: str) -> Callable[..., Any]:
                 return functools.reduce(function, several)
             arguments = several
         for argument in arguments:
+            if isinstance(argument, Expression.complex_kinds):
+                return _of_complex(name, argument)
             if isinstance(argument, Expression):
                 return argument.graph.apply(name, *arguments)
             if isinstance(argument, np.ndarray) and argument.ndim > 0 and name not in _OF_ANY_NUMBER:
@@ -38,12 +42,25 @@ def _elementary(name: str) -> Callable[..., Any]:
     return function
 
 
+def _of_complex(name: str, z: Any) -> Any:
+    """Apply a function to a complex number."""
+    of_numbers: dict[str, Callable[..., Any]] = {**vars(cmath), "fabs": abs}
+    rules = OF_COMPLEX if isinstance(z, ComplexExpression) else of_numbers
+    if name not in rules:
+        raise UntraceableError(f"{name} of a complex number has no formula here")
+    return rules[name](z)
+
+
 _KNOWN = {name: _elementary(name) for name in TABLE}
 
 
 def where(condition: Any, a: Any, b: Any) -> Any:
     """Return a where a condition holds, else b."""
-    return condition.choose(a, b) if isinstance(condition, Comparison) else a if condition else b
+    if not isinstance(condition, Comparison):
+        return a if condition else b
+    if any(isinstance(v, Expression.complex_kinds) for v in (a, b)):
+        return condition.choose(a.real, b.real) + 1j * condition.choose(a.imag, b.imag)
+    return condition.choose(a, b)
 
 
 def clip(value: Any, low: Any = None, high: Any = None) -> Any:
@@ -84,6 +101,9 @@ _COMPOSED: dict[str, Callable[..., Any]] = {
     "ndtr": lambda a: 0.5 + 0.5 * _KNOWN["erf"](a / math.sqrt(2.0)),
     "degrees": lambda angle: angle * (180.0 / math.pi),
     "radians": lambda angle: angle * (math.pi / 180.0),
+    "phase": phase,
+    "polar": lambda z: (abs(z), phase(z)),
+    "rect": lambda size, angle: _Complex(size * _KNOWN["cos"](angle), size * _KNOWN["sin"](angle)),
     "signbit": lambda value: where(_KNOWN["copysign"](1.0, value) < 0.0, 1.0, 0.0),
     "dist": lambda a, b: _KNOWN["sqrt"](sum((u - v) * (u - v) for u, v in zip(a, b, strict=True))),
 }
@@ -104,3 +124,12 @@ class _Int(int):
 
     def __new__(cls, value: Any = 0, *base: Any) -> Any:
         return value.graph.apply("trunc", value) if isinstance(value, Expression | Comparison) else int(value, *base)
+
+
+class _Complex(complex):
+    """What ``complex`` is to a traced function: a pair, where a part is an expression."""
+
+    def __new__(cls, real: Any = 0.0, imag: Any = 0.0) -> Any:
+        if isinstance(real, ComplexExpression) or not any(isinstance(v, Expression) for v in (real, imag)):
+            return real if isinstance(real, ComplexExpression) else complex(real, imag)
+        return real + 1j * imag

@@ -140,8 +140,8 @@ class Expression:
         return bool(self.operation == "constant" and self.value == 0.0)
 
     __float__ = _refusing(
-        "goes to a function that takes plain floats, which has no formula here: interpolate that function, by a "
-        "CubicSpline with knots at equal distances, or write it with functions of math",
+        "goes to a function that takes plain floats, which has no formula here: write it with functions of math, or "
+        "interpolate it before, by scipy.interpolate.CubicSpline at some 200 equal distances",
         float,
     )
     __int__ = __index__ = _refusing(
@@ -201,19 +201,33 @@ class Expression:
         return self.graph.power(self.graph.lift(other), self)
 
     __array_ufunc__: Callable[..., Any]  # of the module that knows arrays
+    as_complex: Callable[..., Any]  # of the one that knows complex numbers
+    complex_kinds: tuple[type[Any], ...]
 
 
-def _by_entries(method: Callable[..., Any]) -> Callable[..., Any]:
+def leaving_arrays(method: Callable[..., Any]) -> Callable[..., Any]:
     """Leave operations with arrays to these."""
     return lambda self, *others: (
         NotImplemented if any(isinstance(o, np.ndarray | tuple) for o in others) else method(self, *others)
     )
 
 
+def _of_any(name: str) -> Callable[..., Any]:
+    """Leave operations with complex numbers to pairs."""
+    method = getattr(Expression, name)
+
+    def apply(self: Expression, *others: Any) -> Any:
+        if any(isinstance(o, self.complex_kinds) for o in others):
+            return getattr(self.as_complex(), name)(*others)
+        return method(self, *others)
+
+    return apply
+
+
 for (
     _name
 ) in "add radd sub rsub mul rmul truediv rtruediv mod rmod floordiv rfloordiv pow rpow eq ne gt ge lt le".split():
-    setattr(Expression, f"__{_name}__", _by_entries(getattr(Expression, f"__{_name}__")))
+    setattr(Expression, f"__{_name}__", leaving_arrays(_of_any(f"__{_name}__")))
 
 
 class Comparison:
@@ -435,11 +449,22 @@ class Graph:
         if isinstance(exponent, Expression):
             number = exponent.value if exponent.operation == "constant" else None
         if isinstance(number, int | float) and number == int(number) and abs(number) <= 16:
-            whole = self._whole_power(base, abs(int(number)))
+            base, whole_number = self._squared(base, abs(int(number)))
+            whole = self._whole_power(base, whole_number)
             return whole if number >= 0 else self.apply("div", 1.0, whole)
         if isinstance(number, int | float) and number == 0.5:
             return self.apply("sqrt", base)
         return self.apply("pow", base, exponent)
+
+    def _squared(self, base: Expression, exponent: int) -> tuple[Expression, int]:
+        """Return the radicand of a length and half of an even exponent, which has no kink where the length vanishes."""
+        if exponent % 2 or not exponent:
+            return base, exponent
+        if base.operation == "hypot":
+            a, b = base.arguments
+            return self.apply("add", self.power(a, 2), self.power(b, 2)), exponent // 2
+        is_length = base.operation == "sqrt" and _adds_squares(base.arguments[0])
+        return (base.arguments[0], exponent // 2) if is_length else (base, exponent)
 
     def _whole_power(self, base: Expression, exponent: int) -> Expression:
         if exponent == 0:
@@ -448,6 +473,13 @@ class Graph:
             return self.apply("mul", self._whole_power(base, exponent - 1), base)
         half = self._whole_power(base, exponent // 2)
         return self.apply("mul", half, half)
+
+
+def _adds_squares(e: Expression) -> bool:
+    """Tell whether an expression is a square, or a sum of squares."""
+    if e.operation == "add":
+        return all(map(_adds_squares, e.arguments))
+    return e.operation == "mul" and e.arguments[0] is e.arguments[1]
 
 
 def in_order(outputs: Iterable[Expression]) -> list[Expression]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import cmath
 import dis
 import functools
 import math
@@ -34,6 +35,8 @@ def _canonical_names() -> dict[Any, str]:
             names[ufunc] = NUMPY_NAMES.get(name, name)
     names[np.abs] = names[abs] = "fabs"
     names[min], names[max] = "min", "max"
+    names |= {function: name for name, function in vars(cmath).items() if name in {*TABLE, "phase", "polar", "rect"}}
+    names[complex] = "complex"
     names[np.power] = names[pow] = "pow"
     names[float], names[np.float64], names[int], names[print] = "float", "float", "int", "print"
     names[round] = names[np.round] = names[np.rint] = "round"

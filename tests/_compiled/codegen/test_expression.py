@@ -72,7 +72,7 @@ def test_what_no_expression_can_hold_is_refused(x: Expression, use: Callable[[An
 
 def test_elementary_functions_build_expressions_or_compute(x: Expression) -> None:
     table = TABLE_OF_FUNCTIONS
-    others = "pow print heaviside float int dist round logaddexp fsum degrees"
+    others = "pow print heaviside float int dist round logaddexp fsum degrees complex phase polar rect"
     assert set(table) == {*TABLE, *others.split(), "radians", "signbit", "expit", "logit", "exp10", "ndtr"}
     assert table["sin"](x).operation == "sin"
     assert table["atan2"](1.0, x).operation == "atan2"
