@@ -228,7 +228,7 @@ with TemporaryDirectory() as folder:
 # ----------------
 #
 # - :doc:`/own-system`, a lesson; :doc:`/discontinuous` and :doc:`/integration`: friction, impacts, tolerances, phases.
-# - :doc:`/which-function`: one chart of what there is.
+# - :doc:`/which-function`: one table of what there is.
 # - :doc:`/how-to`: what to call for which task; :doc:`/symptoms`: what to do when a result looks wrong.
 # - :doc:`/concepts`: the ideas behind the words, with figures.
 # - :doc:`/auto/tutorials/inverted_pendulum` and :doc:`/auto/tutorials/rod_on_film`: the other tutorials.
