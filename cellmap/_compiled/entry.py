@@ -93,7 +93,7 @@ _RESULTS = {
 
 
 def key_of(argument: Any) -> Any:
-    """Return what is to be known of an argument: for one key there is one machine code."""
+    """Return the key of an argument: arguments with one key share their machine code."""
     if isinstance(argument, np.ndarray):
         flags = argument.flags
         layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
@@ -236,7 +236,7 @@ class _Method(ctypes.Structure):
 
 
 def python_function(address: int, expected: list[Any]) -> tuple[Callable[..., Any], Any]:
-    """Return the Python function of an entry, and what has to be kept as long as that is."""
+    """Return the Python function of an entry, and the objects that must live as long as it does."""
     method = _Method(NAME.encode(), address, _FASTCALL, None)
     make = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p)(
         ("PyCFunction_NewEx", ctypes.pythonapi)

@@ -113,7 +113,7 @@ def by_address(function: Callable[..., Any]) -> ByAddress:
 
 
 def _source_of(function: Callable[..., Any]) -> str:
-    """Return what tells a function from others, and from itself before anything was changed that it is compiled from.
+    """Return the source of a function with that of all that it is compiled from, by which a change shows.
 
     These are the files of the functions that it calls, which ones they are, and all that they find around them.
     """

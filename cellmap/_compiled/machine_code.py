@@ -22,7 +22,7 @@ _LEVEL = 2  # optimisation; loops are left as they are written, and vectors too
 LOOPS = 1
 """Level of loops: at the second one they take a third longer to compile, and are no faster."""
 
-_QUICK = 0  # for large functions, whose values go by memory
+_QUICK = 0  # level of optimisation of large functions, whose values go by memory
 _LONG = 4000  # lines of text that may take seconds
 _PATIENCE = 2.0  # seconds before which nothing is said
 

@@ -131,7 +131,7 @@ def _beginning(key: str) -> bytes:
 
 
 def _checksum(key: str, code: bytes) -> bytes:
-    """Return what stands on a line between the beginning and the code."""
+    """Return the checksum of key and code, which an entry holds on a line of its own."""
     return hashlib.sha256(key.encode() + code).hexdigest().encode()
 
 

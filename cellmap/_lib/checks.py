@@ -194,7 +194,7 @@ def is_sequence(value: Any) -> bool:
 
 
 def listed(name: str, value: Any) -> tuple[Any, ...]:
-    """Return the entries of what can be gone through."""
+    """Return the entries of an iterable."""
     check_length(name, value)
     try:
         found = tuple(islice(value, _LONGEST + 1))
@@ -213,7 +213,7 @@ def pair_of(name: str, value: Any, what: str = "two numbers, the ends of an inte
 
 
 def of_the_user(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return what a function returns that was given as an argument; where it fails, say which one it was."""
+    """Return the result of a user's function; where the call fails, name the function in the error."""
     try:
         return function(*arguments)
     except Exception as error:
@@ -221,7 +221,7 @@ def of_the_user(name: str, function: Callable[..., Any], *arguments: Any) -> Any
 
 
 def array_of_any(name: str, given: Any, what: str) -> NDArray[Any]:
-    """Return what is given as an array, of whatever it holds; rows of different lengths are none."""
+    """Return a value as an array, of whatever it holds; rows of different lengths are none."""
     check_length(name, given)
     try:
         return np.asarray(given)
@@ -407,7 +407,7 @@ def affordable_number(name: str, value: Any, each: int, at_least: int = 0) -> in
 
 
 def claim_memory(what: str, needed: int, remedy: str) -> None:
-    """Say on the logger "cellmap" what a job will need; raise MemoryError where that is more memory than is free.
+    """Log the memory that a job will need on "cellmap"; raise MemoryError where it is not free.
 
     What is free is asked of the system, which takes a millisecond: not for less than any process has.
     """
@@ -420,7 +420,7 @@ def claim_memory(what: str, needed: int, remedy: str) -> None:
 
 
 def claim_disk(what: str, needed: int, path: Path, remedy: str) -> None:
-    """Say on the logger "cellmap" what a file will need; raise OSError where that is more than is free on its disk."""
+    """Log the disk space that a file will need on "cellmap"; raise OSError where it is not free."""
     logging.getLogger("cellmap").info("%s: %s on the disk", what, in_bytes(needed))
     free = shutil.disk_usage(path.parent).free
     if needed > free:

@@ -23,7 +23,7 @@ class computed_once(functools.cached_property[Value]):  # noqa: TID251
     def __get__(self, instance: object, owner: type[Any] | None = None) -> Value: ...
 
     def __get__(self, instance: object, owner: type[Any] | None = None) -> Self | Value:
-        """Return what is kept, computed where nothing is."""
+        """Return the value that is kept; compute it where none is."""
         if instance is None:
             return self
         kept, name = instance.__dict__, str(self.attrname)

@@ -156,7 +156,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 @contextlib.contextmanager
 def told_of_full_disk(path: Path, size: int | None = None) -> Iterator[None]:
-    """Say of what has no room how much that would be, where it is known, and what to do."""
+    """Turn the error of a full disk into one that says what room is needed, where it is known, and what to do."""
     try:
         yield
     except OSError as error:

@@ -14,9 +14,9 @@ from .checks import finite_number, label, pair_of, real_array, whole_number
 from .signatures import checked
 
 _FEWEST = 3
-_SWING = 0.02  # of slopes over an octave on self-similar sets, which may agree by chance where octaves are few
+_SWING = 0.02  # slopes over one octave of a self-similar set may agree by chance: error of such a slope
 _CHANCE = {2: 2.0, 3: 2.8}  # variances: what slopes of so many parts differ by where only given errors scatter them
-_RANGE = {2: 1.128, 3: 1.693}  # of so many independent normal numbers, expected, in standard deviations
+_RANGE = {2: 1.128, 3: 1.693}  # expected range of 2 and of 3 independent normal numbers, in standard deviations
 _UNIFORM = 12.0**-0.5  # standard deviation of a slope that may be anything between two values which are 1 apart
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 _GROUPS = Path("/sys/fs/cgroup")
 _OWN = Path("/proc/self/cgroup")
-_M_ARENA_MAX = -8  # of malloc.h
+_M_ARENA_MAX = -8  # M_ARENA_MAX of malloc.h
 
 _FILES = {
     "": ("memory.max", "memory.current", "inactive_file"),

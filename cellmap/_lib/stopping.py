@@ -56,7 +56,7 @@ class Stop:
         return self._deadline is not None and time.monotonic() >= self._deadline
 
     def check(self) -> None:
-        """Raise :class:`Stopped` where that is so."""
+        """Raise :class:`Stopped` if the end of the work was asked for."""
         if self.requested:
             raise Stopped
 
@@ -92,7 +92,7 @@ def heeding(stop: Stop) -> Iterator[None]:
 
 
 def check_stop() -> None:
-    """Raise :class:`Stopped` where the end of what this thread does was asked for."""
+    """Raise :class:`Stopped` if somebody has asked this thread's work to end."""
     stop = _HEEDED.get()
     if stop is not None:
         stop.check()

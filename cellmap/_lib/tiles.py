@@ -17,13 +17,13 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 _LARGEST_GROUP = 16  # tiles that travel together
-_GROUPS_A_THREAD = 8  # at least, so that all threads are busy to the end
+_GROUPS_A_THREAD = 8  # least number of groups for each thread, so that all threads are busy to the end
 _UNDER_WAY = 2  # groups that a thread of the cluster has before it, so that it never waits
-_RETRIES = 2  # of a group that fails for a reason of its worker's, such as memory
-_LOOK = 0.01  # seconds between looks for what is completed,
-_SELDOM = 1.0  # and between looks for workers
-_WARNED = 30.0  # seconds without workers after which that is said,
-_GIVEN_UP = 600.0  # and after which the call ends
+_RETRIES = 2  # retries of a group that fails for a reason of its worker's, such as memory
+_LOOK = 0.01  # seconds between looks for completed groups
+_SELDOM = 1.0  # seconds between looks for workers
+_WARNED = 30.0  # seconds without workers after which a warning says so
+_GIVEN_UP = 600.0  # seconds without workers after which the call ends
 _KEPT_WORK = 4  # pieces of work that a worker keeps unpacked
 
 
@@ -158,7 +158,7 @@ class _Waiting:
         self._seen = self._looked = time.monotonic()
 
     def result(self, future: Any) -> Any:
-        """Return what a future has come to; where that was lost with its worker, another one makes it again."""
+        """Return the result of a future; one that was lost with its worker is computed again by another."""
         while True:
             try:
                 return future.result(timeout=_SELDOM)

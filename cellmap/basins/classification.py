@@ -76,7 +76,7 @@ def labeller(
     name: str = "source",
     outcome: Outcome | None = None,
 ) -> Labeller:
-    """Return what labels any point as basins do.
+    """Return a function that labels any point as basins do.
 
     Parameters
     ----------

@@ -228,7 +228,7 @@ def _step(
     done: _Done,
     extent: Floats,
 ) -> _Value:
-    """Return what is found at the next value."""
+    """Return the attractors and fractions at the next value."""
     limits = settings["max_periods"], settings["longest_period"]
     memory = done.memory()
     known: tuple[Attractor, ...] = ()

@@ -90,7 +90,7 @@ class Family:
             return place
 
     def _specification(self, changed: Mapping[str, float], phase: float | None) -> MapSpec[PointMap] | None:
-        """Return what a map is built from, None for the family's own."""
+        """Return the specification of a map, None for the family's own."""
         if phase is not None and phase != self._phased[0]:
             self._phased = phase, self._base.specified.with_phase(phase)
         spec = None if phase is None else self._phased[1]

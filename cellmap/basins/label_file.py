@@ -131,7 +131,7 @@ class OnDisk(LabelStore):
         return open_
 
     def put(self, number: int, rows: slice | Ints, settled: Settled) -> None:
-        """Keep what became of a tile: first its contents, then that it is done."""
+        """Write a finished tile: first its contents, then that it is done."""
         assert self._file is not None
         self.labels[rows], self.times[rows] = settled.labels, settled.times
         self._file.finish("tiles", number, settled.tally, [settled.labels, settled.times])
@@ -265,7 +265,7 @@ def _read_examined(group: h5py.Group, empty: Examined) -> Examined:
 
 
 def describe_attractors(attractors: Sequence[Attractor]) -> str:
-    """Return plain text that tells attractors from others."""
+    """Return plain text that identifies attractors."""
     if not attractors:
         return "none"
     return f"{len(attractors)}, {zlib.crc32(json.dumps([_described(a) for a in attractors]).encode()):08x}"

@@ -53,7 +53,7 @@ class LabelStore(ABC):
 
     @abstractmethod
     def put(self, number: int, rows: slice | Ints, settled: Settled) -> None:
-        """Keep what became of a tile."""
+        """Keep the labels and times of a finished tile."""
 
     @abstractmethod
     def finish(self, basins: Basins, numbers: NDArray[np.int16]) -> Basins:
@@ -122,7 +122,7 @@ class InMemory(LabelStore):
         return self
 
     def put(self, number: int, rows: slice | Ints, settled: Settled) -> None:
-        """Keep what became of a tile."""
+        """Keep the labels and times of a finished tile."""
         self.labels[rows], self.times[rows] = settled.labels, settled.times
         self.tallies[number] = settled.tally
 

@@ -207,7 +207,7 @@ def read_mapped(path: Path) -> tuple[Basins, dict[str, Any]]:
 
 
 def mapped_basins(arrays: Checkpoint, basins: Basins) -> Basins:
-    """Return basins whose arrays are those of a file."""
+    """Return basins whose arrays are memory maps of a file."""
     return _with_arrays(basins, arrays[f"{_ONLY}/labels"], arrays[f"{_ONLY}/settling_time"])
 
 

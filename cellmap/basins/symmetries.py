@@ -200,7 +200,7 @@ def _permuted(states: Floats, order: Ints, sign: float) -> Floats:
 
 
 def _defect(exact: PointMap, symmetry: Symmetry, x: Floats, extent: Floats, name: str, formulas: bool) -> float:
-    """Return by how much a symmetry changes what happens to states, in units of what is allowed."""
+    """Return the largest change of images under a symmetry, in units of the error allowed."""
     argument = f"symmetries[{name!r}]"
 
     def image(states: Floats) -> Floats:

@@ -33,9 +33,9 @@ from .atlas_record import AttractorAtlas, AttractorFamily
 from .coexistence import AttractorSearch
 from .intervals import axis_of
 
-_ORBITS = 65536  # in a tile
-_PILOTS = 32  # parameter points and initial conditions whose images tell the size of what is to be found,
-_PILOT_PERIODS = 32  # after as many periods
+_ORBITS = 65536  # orbits in a tile
+_PILOTS = 32  # parameter points and initial conditions of the orbits whose images tell the size of attractors
+_PILOT_PERIODS = 32  # periods after which these images are taken
 
 
 @checked

@@ -20,7 +20,7 @@ from .orbit_continuation import continue_orbit
 _CLOSE = 1.5  # cells between a curve and a border that it explains
 _BEYOND = 4  # cells beyond a border up to which an orbit is followed
 _TRIES = 3  # borders of one family in turn from which no curve is found, after which its others are left
-_STEP = 0.02  # of curves, as a fraction of the window
+_STEP = 0.02  # step along curves, as a fraction of the window
 _SAME = 1e-3  # distance, relative to the orbit, within which half of its period brings it back
 _SMALLEST = 4  # parameter points of a family whose borders are looked at
 

@@ -17,7 +17,7 @@ _KNOWN = 0.1  # distance of means over orbits, in extents or radians, within whi
 def spread(
     job: AttractorSearch, values: Floats, shape: tuple[int, int], found: Attractors, progress: str | None
 ) -> Attractors:
-    """Return the attractors with those, counted 0 times, to which periodic ones of neighbouring points lead.
+    """Add attractors, counted 0 times, to which periodic attractors of neighbouring points lead.
 
     ``values`` (ny * nx, 2) are the parameters.  From where an attractor is known, Newton's method looks for it at the
     neighbours where nothing like it is known; what it finds there leads further.

@@ -15,15 +15,15 @@ from ..orbits.arclength import SolutionPoint
 from ..orbits.orbit_equations import OrbitProblem
 
 _SHRUNK = 1e-4  # rates at the section, and the extent of a cycle, relative to those before, of one that vanishes
-_SAMPLES = 512  # in a period, in which a passage near an equilibrium shows
+_SAMPLES = 512  # samples in a period, in which a passage near an equilibrium shows
 _ASIDE = 1e-3  # part of the interval of the parameter within which a cycle that has shrunk tells where it vanishes
 _TOUCHING = 1e-2  # speed across the section, relative to the largest, of a cycle that is about to touch it
-_STEEP = 1e3  # relative change of the period for a scaled length of the branch that only ends of it have
+_STEEP = 1e3  # relative change of the period for a scaled length of the branch, seen at its ends alone
 _LAST = 8  # places at the end of a branch along which the period is seen to grow
 _LONGEST = 0.9  # part of the longest time of return at which cycles are about to exceed it
 _SLOW = 0.1  # part of its largest speed at which an orbit may pass an equilibrium
 _NEAR = 0.1  # distance from an equilibrium, in extents of the orbit, of an orbit that passes it
-_DIFFERENCE, _ITERATIONS, _CONVERGED = 6e-6, 20, 1e-9  # of Newton's method for equilibria, in units of its own
+_DIFFERENCE, _ITERATIONS, _CONVERGED = 6e-6, 20, 1e-9  # Newton's method for equilibria, in their units
 _WEAK = 10.0  # logarithm of what an eigenvalue does in a period, from which it is not about to vanish
 
 

@@ -20,9 +20,9 @@ from .intervals import interval_between
 from .kinds import BifurcationKind
 from .orbit_continuation import continue_orbit, switch_branch
 
-_OFFSET = 0.5 * (3.0 - np.sqrt(5.0))  # of values in parts of the interval, away from round numbers
+_OFFSET = 0.5 * (3.0 - np.sqrt(5.0))  # place of a value in its part of the interval, away from round numbers
 _SINGULAR = 1e-4  # distance of a multiplier from 1
-_SAME = 1e-6  # of the window, or of an angle's period
+_SAME = 1e-6  # distance of equal solutions, as a fraction of the window or of an angle's period
 _TWO_SIDED = {BifurcationKind.PITCHFORK, BifurcationKind.TRANSCRITICAL}
 
 

@@ -25,8 +25,8 @@ from .period_measures import OrbitFunction
 
 _FIRST_STEP, _NEAREST = 0.02, 1e-12  # first step on a new branch, scaled, and the shortest
 LARGE, GRAZING, AT_SECTION = "large multipliers", "grazing", "impact at the section"
-RESTING, _ACROSS = "rest begins or ends", 1e-6  # and a step across that place, longer than those that led to it
-OUTGROWN, _OUTGROWN = "outgrown", 1e3  # times its unit that an orbit is when it gets a larger one
+RESTING, _ACROSS = "rest begins or ends", 1e-6  # reason of an end, and step across that place
+OUTGROWN, _OUTGROWN = "outgrown", 1e3  # reason of an end, and size of an orbit in its unit that asks for another unit
 _ON_SURFACE = 1e-6  # value of a guard on its surface, where steps have become as short as 1e-9
 _SEEN, _LOCATED = 10, 1e-9  # last points that tell where orbits graze, and the scaled error of that place
 _BESIDE = 0.37  # part of a step beside an initial point that is a bifurcation

@@ -18,9 +18,9 @@ from .branch import Bifurcation, Branch
 from .branch_tracer import BranchTracer, born_orbit
 from .kinds import BifurcationKind
 
-_STEP = 0.02  # of the parameter's interval that is looked at
+_STEP = 0.02  # step, as a fraction of the interval of the parameter
 _AHEAD = 2.0  # gaps between doublings that are looked through for the next one
-_SHRINKING = 2.5  # of an orbit's parts from doubling to doubling (Feigenbaum's alpha)
+_SHRINKING = 2.5  # ratio of an orbit's parts from doubling to doubling (Feigenbaum's alpha)
 _POINTS = 2000
 
 

@@ -13,7 +13,7 @@ from ..maps.tangent import tangent
 from ..orbits.invariant_circle import InvariantCircle, bump, measured, oriented
 from ..orbits.lyapunov_qr import stretching
 
-_EXPONENT_STEPS, _SETTLING = 512, 128  # along the circle, for exponents across it, and those before
+_EXPONENT_STEPS, _SETTLING = 512, 128  # steps along the circle for exponents across it, and steps before those
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class CircleProblem:
         return residual, np.vstack([whole, fixed])
 
     def finer(self, unknowns: Floats, phases: int) -> tuple[CircleProblem, Floats]:
-        """Return the equations with more phases, and the same circle as their unknowns."""
+        """Return the equations with more phases, and the circle as their unknowns."""
         d, ratio = self.dimension, np.sqrt(phases / self.phases)
         unit = np.tile(self.scale[:d] * ratio, phases)
         finer = replace(self, scale=np.append(unit, self.scale[-2:]), reference=resampled(self.reference, phases))

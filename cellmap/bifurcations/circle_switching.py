@@ -18,8 +18,8 @@ from .intervals import interval_between, limits_of
 from .kinds import BifurcationKind
 
 _FEWEST, _MOST = 9, 273  # phases
-_SMALL_TAIL = 1e-10  # of harmonics, from which there should be more phases,
-_LARGE_TAIL = 1e-4  # and from which the circle is not resolved
+_SMALL_TAIL = 1e-10  # tail of the harmonics above which more phases are taken
+_LARGE_TAIL = 1e-4  # tail of the harmonics above which the circle is not resolved
 _COARSE = "more phases are needed"
 _FIRST_STEP, _NEAREST = 0.05, 1e-6  # amplitude of the first circle, scaled, and the smallest
 

@@ -30,13 +30,13 @@ from .singular_orbits import SingularOrbits
 
 _CONVERGED = 1e-12  # last step of Newton's method
 _CLOSE = 0.1  # distance, scaled, of a point from where it is expected
-_DISPLACED = 1e-5  # in scaled unknowns, between test functions whose derivatives are wanted
+_DISPLACED = 1e-5  # displacement in scaled unknowns by which test functions are differentiated
 _ITERATIONS = 10
 _TOGETHER = 64  # places at which derivatives are integrated side by side
 _SINGULAR = 1e-10  # determinant of I - M, below which a multiplier is 1
 _REAL = 1e-6  # imaginary part of multipliers that are taken for real
 _RESONANT = 1e-3  # distance of the cube of a multiplier from 1 at which terms that cancel leave rounding alone
-_ROUNDING = 1e-8  # of test functions, relative to their terms
+_ROUNDING = 1e-8  # rounding of test functions, relative to their terms
 _FEW = 4  # places that are too few to conclude that a test function vanishes along a curve
 
 _FOLD, _FLIP = BifurcationKind.FOLD, BifurcationKind.PERIOD_DOUBLING

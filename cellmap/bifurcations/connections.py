@@ -23,9 +23,9 @@ from .connecting_problem import ConnectingProblem
 _BEGINNING = 1e-6  # scaled distance of the first and the last point from the saddles
 _BISECTIONS = 60
 _SAME = 1e-6  # difference of places on the fundamental segment within which orbits are equal
-_MOST_POINTS = 400  # of an orbit
-_TOUCHING = 1e-9  # angle in radians below which manifolds do not cross,
-_NEARLY = 1e-6  # and where Newton's method fails, as where solutions are not isolated
+_MOST_POINTS = 400  # largest number of points of an orbit
+_TOUCHING = 1e-9  # angle in radians below which manifolds do not cross
+_NEARLY = 1e-6  # angle in radians below which manifolds coincide, where Newton's method fails
 _FEW = 3  # places of this kind from which manifolds coincide
 _APART = 64  # samples between changes of side that do not belong to one group
 

@@ -58,7 +58,7 @@ class TestValues:
         return int(unstable_count(self.multipliers)) if self.counted is None else self.counted
 
     def following(self, before: TestValues, step: ContinuationStep, events: list[Bifurcation]) -> TestValues:
-        """Return the values at the end of a step, with what its beginning and the bifurcations on it tell.
+        """Return the test functions at the end of a step, given those at its beginning and its bifurcations.
 
         A single multiplier that has left the unit circle, but not the margin for rounding, is outside.  While the
         tangent's component along the parameter is rounding, it keeps its sign `since` it was not.
@@ -247,7 +247,7 @@ class Detector:
         return bool(np.linalg.norm(self.problem(event._unknowns)[0]) <= _MET)
 
     def _event(self, kind: BifurcationKind, place: SolutionPoint, step: ContinuationStep) -> Bifurcation:
-        """Return what is known of a bifurcation, but for the counts."""
+        """Return a located bifurcation, but for the counts."""
         problem, d = self.problem, self.problem.dimension
         unknowns, along, branch_direction = place.unknowns, place.tangent, None
         if kind is BifurcationKind.PITCHFORK:

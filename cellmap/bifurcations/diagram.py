@@ -33,7 +33,7 @@ from .period_measures import Quantity, measured, measured_along
 
 _UNSETTLED = 10.0  # extrapolation falls short by a factor 6 at a period doubling, where returns shrink as k^(-3/2)
 _FEWEST = 20
-_GOLDEN = 0.6180339887498949  # whose multiples differ most from one another, up to whole numbers
+_GOLDEN = 0.6180339887498949  # golden ratio: its multiples, less whole numbers, differ most from one another
 _DIRECTIONS = {"up": ("up",), "down": ("down",), "both": ("up", "down"), "none": ("none",)}
 
 

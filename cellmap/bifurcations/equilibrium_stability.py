@@ -23,7 +23,7 @@ from .floquet import linearise, swept_values
 from .intervals import axis_of, interval_between
 from .orbit_grid import follow_over
 
-_TOLERANCE = 1e-13  # of the monodromy matrices
+_TOLERANCE = 1e-13  # tolerance of the monodromy matrices
 
 
 @dataclass(frozen=True)

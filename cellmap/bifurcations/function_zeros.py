@@ -20,7 +20,7 @@ from .intervals import place_of
 from .period_measures import OrbitFunction, Quantity, as_functions, measured, turn_of, unwrapped
 
 _SHIFT = 3e-4  # distance, scaled, of the orbits by whose differences slopes are computed
-_CORRECTIONS = 3  # of Newton's method, after which an orbit closes to rounding
+_CORRECTIONS = 3  # corrections by Newton's method after which an orbit closes to rounding
 _FINEST = 1e-12  # tolerance of the integration of functions that are differentiated
 _FLAT, _ROUNDING = 1e-8, 1e-12  # changes of a function relative to its size, and values relative to states, of rounding
 _LAST_BITS = 1e-15  # changes, relative, of functions of points, that are rounding
@@ -182,7 +182,7 @@ class _ZeroSearch:
         return unwrapped(values, turn_of(exact, function.quantity, function.measure)) if function.extremum else values
 
     def test(self, place: SolutionPoint) -> float:
-        """Return what is zero at the place: the function, or its slope."""
+        """Return the value that is zero at the place: that of the function, or of its slope."""
         if not self.function.extremum:
             return float(self.value(place.unknowns[None])[0])
         ahead = [place.unknowns + k * _SHIFT * place.tangent for k in (-2, -1, 1, 2)]

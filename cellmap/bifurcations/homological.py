@@ -20,7 +20,7 @@ Exponents = tuple[int, ...]
 Term = tuple[int, Exponents]
 """Component of the normal form, and exponents of a monomial in its variables."""
 
-_EQUAL = 1e-3  # relative difference of components of an eigenvector of which the first decides on its phase
+_EQUAL = 1e-3  # relative difference of components of an eigenvector that count as equal: the first sets its phase
 _SINGULAR = 1e-9  # ratio of singular values of a homological equation without a unique solution
 
 

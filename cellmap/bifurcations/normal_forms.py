@@ -26,10 +26,10 @@ CERTAIN = 3.0
 """Errors that a coefficient is away from zero, from which on it counts as not zero."""
 
 _TRIALS = 8
-_SAFETY = 1.6  # over the standard deviation
+_SAFETY = 1.6  # factor over the standard deviation
 _ROUNDING = 2e-16
 _LOCATION = 5e-16  # error of the unknowns, in natural sizes
-_DISPLACEMENT = 1e-6  # the same, by which derivatives are compared
+_DISPLACEMENT = 1e-6  # displacement of the unknowns, in natural sizes, by which derivatives are compared
 _BESIDE = 10.0 ** np.arange(-7.0, -0.9, 0.25)  # distances, in natural sizes, at which a fold may be misplaced
 _DEFICIENT = 1e-6  # singular value of the equations at a branch point
 

@@ -15,12 +15,12 @@ from .codimension_two_forms import CodimensionTwoForm
 from .kinds import BifurcationKind, CodimensionTwoKind
 from .singular_orbits import SingularOrbits
 
-_DISTANCES = 0.06, 0.03, 0.015, 0.0075  # of new orbits from the old one, in natural sizes
-_PASSED = 0.1  # the same, up to which a curve is followed to where they are born
-_NEAR = 5.0  # distances from the old orbit that new ones are from their birth, at most
-_ARRIVED = 1e-3  # the same, of orbits that are the old one
-_PHASES = 0.0, 0.4, 0.8, 1.2  # at which an orbit at a distance is looked for, below a quarter of the circle
-_STEPS_AHEAD, _STEPS_AROUND = 24, 200  # along orbits of one distance, each a quarter of it or less
+_DISTANCES = 0.06, 0.03, 0.015, 0.0075  # distances of new orbits from the old one, in natural sizes
+_PASSED = 0.1  # distance from the old orbit up to which a curve is followed to the birth
+_NEAR = 5.0  # distance of new orbits from their birth, at most, in their distances from the old orbit
+_ARRIVED = 1e-3  # relative distance from the old orbit of orbits that are the old one
+_PHASES = 0.0, 0.4, 0.8, 1.2  # phases at which an orbit at a distance is looked for, below a quarter of the circle
+_STEPS_AHEAD, _STEPS_AROUND = 24, 200  # steps along orbits of one distance, each a quarter of it or less
 _COMPLEX = 1e-6  # imaginary part of multipliers
 
 _FOLD, _TORUS = BifurcationKind.FOLD, BifurcationKind.NEIMARK_SACKER

@@ -22,7 +22,7 @@ from .crossings import Matrices
 _NEAR = 0.3  # distance of a solution from its guess, scaled, beyond which it is on another branch
 _FORESEEN, _SMALL = 0.2, 1e-3  # part of a move, and scaled distance, by which an orbit may miss its prediction
 _SHORTEST = 2.0**-6  # step, as a fraction of the way to a neighbour
-_CAREFUL = 2.0**-5  # the same where branches may cross
+_CAREFUL = 2.0**-5  # step where branches may cross, as a fraction of the way to a neighbour
 _OPEN = 1e-5  # distance, scaled, by which an orbit is open before its period is over
 _TRIES = 2  # neighbours from which a point is sought in short steps
 

@@ -16,11 +16,11 @@ from ..maps.stroboscopic import Stroboscopic
 from ..maps.swept_orbits import Quantity as Quantity
 from ..maps.swept_orbits import SweptOrbits
 
-_SAMPLES, _MOST_SAMPLES = 64, 1024  # in a step of the map
+_SAMPLES, _MOST_SAMPLES = 64, 1024  # samples in a step of the map, at first and at most
 _TAIL = 1e-10  # largest harmonics of the upper quarter, relative to all, of a signal that is resolved
 _CHECKS = 37  # samples in a step, with no factor in common with the others, at which these must give the same signal
 _AGREES, _ROUGH = 1e-6, 1e-3  # differences there, relative: of smooth signals, and beyond the samples beside them
-_GOLDEN = 0.5 * (5.0**0.5 - 1.0)  # its multiples, less whole numbers, are times that no number of samples aliases
+_GOLDEN = 0.5 * (5.0**0.5 - 1.0)  # golden ratio: no number of samples aliases its multiples, less whole numbers
 _ZOOMS = 10  # finer samples around an extreme value of a signal with jumps or kinks
 _FINER = 8  # points between two samples at which the largest value is looked for first
 _NEWTON_STEPS = 4

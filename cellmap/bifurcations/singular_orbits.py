@@ -13,12 +13,12 @@ from ..orbits.orbit_equations import OrbitProblem
 from .homological import cycle_matrix
 from .kinds import BifurcationKind
 
-_DIFFERENCE = 3e-5  # in scaled unknowns, between derivatives whose derivatives are wanted
+_DIFFERENCE = 3e-5  # displacement in scaled unknowns by which derivatives are differentiated
 _REAL = 1e-4  # imaginary part of multipliers that have met on the real axis
 _BESIDE = 1e-3  # displacement, scaled, along the null vector, at which a symmetry shows
 _EVEN = 1e-4  # even part of the residual there, in squares of it, that is rounding and terms of the fourth order
-_CLOSED = 1e-9  # residual of an orbit,
-_CENTRED = 1e-11  # and at a centre about which it is odd to third order
+_CLOSED = 1e-9  # residual of an orbit
+_CENTRED = 1e-11  # residual at a centre about which the equations are odd to third order
 _ROUNDS = 8
 _CONVERGED = 1e-13
 
@@ -140,7 +140,7 @@ class SingularOrbits:
 
 
 def _of_pairs(matrices: Floats) -> Floats:
-    """Return what matrices (..., d, d) do to areas, (..., d (d - 1) / 2, d (d - 1) / 2): their minors of order two."""
+    """Return the action of matrices (..., d, d) on areas: their minors of order two, by pairs of rows and columns."""
     i, j = np.triu_indices(matrices.shape[-1], 1)
     a, b = matrices[..., i, :], matrices[..., j, :]
     return np.asarray(a[..., i] * b[..., j] - a[..., j] * b[..., i])

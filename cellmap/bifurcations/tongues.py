@@ -27,10 +27,10 @@ from .orbit_continuation import continue_orbit
 
 _PARTS = 64  # values between two others at which rotation numbers are compared
 _ROUNDS = 12
-_REACH = 0.25  # distance in extents of the locked orbit from where orbits end
+_REACH = 0.25  # largest distance, in extents, of the locked orbit from where orbits end
 _LOCKED = 1e-9  # difference of rotation numbers that counts as none
-_WIDER = 4.0  # part of its width by which a tongue is left on either side when its borders are looked for,
-_FURTHER = 256.0  # and factor by which it is left further where they are not there, as when orbits settle slowly
+_WIDER = 4.0  # borders of a tongue are sought this many of its widths to either side
+_FURTHER = 256.0  # factor by which the search goes on where borders are not found, as when orbits settle slowly
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,7 +41,7 @@ from .optional import xarray_package
 from .tables import columns_of, function_columns
 
 _ROWS = "point"  # dimension of the rows of tables
-_COLUMNS = {"fraction": np.float64, "standard_error": np.float64, "count": np.int64}  # of the attractors of basins
+_COLUMNS = {"fraction": np.float64, "standard_error": np.float64, "count": np.int64}  # columns of attractors
 BOUNDARY = ("x", "y", "crossing", "below", "above")
 """Fields of the points of a stability boundary."""
 

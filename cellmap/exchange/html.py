@@ -16,7 +16,7 @@ from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor
 
 _ROWS_SHOWN = 12
-_CHARACTERS = 120  # of a text
+_CHARACTERS = 120  # longest text in a cell of a table; the rest is cut off
 
 
 def html(record: Any) -> str:

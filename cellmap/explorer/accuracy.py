@@ -20,8 +20,8 @@ TOLERANCES = (1e-3, 1e-4, 1e-6, 1e-9, 1e-12)
 """Tolerances that the page offers."""
 
 _ERROR_SAMPLES = 2000
-_PLACES = 64  # of the image at which its pixels are compared with the error of the map
-_FINER = 1e-2  # of the tolerance, of the map that is taken for exact
+_PLACES = 64  # places of the image at which its pixels are compared with the error of the map
+_FINER = 1e-2  # tolerance of the map that is taken for exact, in tolerances of the map of the image
 _FINEST = 1e-13
 _LOST, _PERIODS = 16, 64  # orbits without steps that are followed, and for how long
 _FAR = 4.0  # sizes of the first window, beyond which an orbit has grown

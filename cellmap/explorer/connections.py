@@ -50,7 +50,7 @@ class Connection(H11Protocol):
         super().connection_lost(exc)
 
     def handle_events(self) -> None:
-        """Take what has come; once that is a request, its answer takes the time it takes."""
+        """Take the events that have come; a request, once complete, may take any time to be answered."""
         super().handle_events()
         if self._is_answered:
             self._wait_no_more()

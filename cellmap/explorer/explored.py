@@ -23,8 +23,8 @@ USUAL_CELLS = 500
 MOST_STEPS = 4096
 """Steps of a period: orbits that blow up are given up after a quarter of those of the library."""
 
-_HALF = 2.0  # of the window along a coordinate that is no angle, where none is given
-_MARGIN = 0.05  # of the window, by which an interpolation grid is larger on each side
+_HALF = 2.0  # half the width of the window along a coordinate that is no angle, where none is given
+_MARGIN = 0.05  # fraction of the window by which an interpolation grid is larger on each side
 
 
 @dataclass(frozen=True, eq=False)

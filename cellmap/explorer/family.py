@@ -29,7 +29,7 @@ from .view import View
 
 MOST_IMAGES = 2000
 
-_POINTS = 64  # of an attractor that are drawn
+_POINTS = 64  # points of an attractor that are drawn
 
 
 class Still(NamedTuple):

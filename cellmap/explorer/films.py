@@ -23,7 +23,7 @@ from .view import View
 
 MOST_STILLS = 240
 
-_MOST_COLOURS = 254  # of a GIF, beside white and black for the line below the image
+_MOST_COLOURS = 254  # colours of a GIF, beside white and black for the line below the image
 _RATE = 12.5  # stills a second; a GIF counts in hundredths of a second
 _SMALLEST = 480  # pixels; smaller images are enlarged in videos, which keep colours at half the resolution
 _QUALITY = "16"  # constant rate factor of H.264: lower is better, 0 is without loss

@@ -135,7 +135,7 @@ def described(explored: Explored) -> dict[str, Any]:
 
 
 def listed(entry: Explored | ExploredScene) -> dict[str, Any]:
-    """Return what the list of systems shows of one."""
+    """Return the entry of a system in the page's list."""
     image = entry.thumbnail
     data = None if image is None else f"data:image/png;base64,{base64.b64encode(image.read_bytes()).decode()}"
     return {"name": entry.name, "title": entry.title, "about": entry.about, "thumbnail": data}

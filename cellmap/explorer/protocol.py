@@ -93,7 +93,7 @@ def packed(message: Mapping[str, Any], payload: bytes | memoryview) -> bytes:
 
 
 def unpacked(message: bytes) -> tuple[dict[str, Any], bytes]:
-    """Return what :func:`packed` was given, for clients that are written in Python."""
+    """Return the content of a message that :func:`packed` made, for clients that are written in Python."""
     magic, version, length = _HEAD.unpack_from(message)
     if magic != MAGIC or version != VERSION:
         raise MessageError(f"message begins with {magic!r} {version}: this is version {VERSION} of the protocol")

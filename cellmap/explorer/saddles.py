@@ -21,10 +21,10 @@ from .view import View
 
 LONGEST_PERIOD = 8
 
-_CELLS = 100  # along each axis, from whose centres orbits are searched for
-_LENGTH = 12.0  # of each branch, in sizes of the window
+_CELLS = 100  # cells along each axis from whose centres periodic orbits are searched for
+_LENGTH = 12.0  # length of each branch, in sizes of the window
 _SPACING = 0.005
-_SECONDS = 20.0  # after which no further manifold is begun
+_SECONDS = 20.0  # seconds after which no further manifold is begun
 
 
 def saddles(view: View, frame: LiveFrame, longest_period: Any) -> tuple[dict[str, Any], bytes]:

@@ -57,7 +57,7 @@ class _Wanted:
     given_up: asyncio.Event = field(default_factory=asyncio.Event)
 
     def said(self, number: int) -> dict[str, Any]:
-        """Return what watchers are told of one of the images."""
+        """Return the message to watchers about an image."""
         view, explored = self.views[number], self.images.explored
         facts = {name: getattr(view, name) for name in View.__dataclass_fields__}
         said = {"view": facts, "system": self.images.described, "title": explored.title, "caption": self.caption}

@@ -13,7 +13,7 @@ from ..basins.live import LiveFrame
 from ..bifurcations.equilibrium_stability import stability_map
 from .view import View
 
-_POINTS = 72  # along each axis
+_POINTS = 72  # values along each axis
 _MOST = 8  # attractors
 
 

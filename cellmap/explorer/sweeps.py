@@ -11,7 +11,7 @@ from ..basins.live import LiveFrame
 from ..bifurcations.diagram import bifurcation_diagram
 from .view import View
 
-_VALUES = 160  # on each side of the present one
+_VALUES = 160  # values on each side of the present one
 _TRANSIENT, _RECORDED = 200, 32  # periods
 
 

@@ -75,7 +75,7 @@ class View:
 
     @classmethod
     def of(cls, given: Any, explored: Explored) -> View:
-        """Return the image that a message asks for; what it does not name is as in the first one.
+        """Return the image that a message asks for; fields that it does not name are those of the first image.
 
         Raises
         ------

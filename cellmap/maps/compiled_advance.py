@@ -18,7 +18,7 @@ from .._lib.stopping import check_stop
 from .integration import Flow
 from .orbit_batch import Orbits, portions
 
-_COSTLY = 256  # times the orbits that make a portion: a search can be stopped after fewer periods of one orbit
+_COSTLY = 256  # weight of an orbit in a portion of work: a search can be stopped after fewer periods of one orbit
 
 UNKNOWN_STEP = PeriodStep()
 """That of a map of which nothing is known but the function that it is."""

@@ -25,12 +25,12 @@ Pass = Callable[[Ints, int], Floats]
 _REMAINDER = 0.005
 _ORDERS: tuple[int, ...] = (8, 12)
 _FIRST, _FEWEST, _MOST = 8, 4, 4096
-_MORE = 1.2  # times as many steps are worth another pass
-_HOPE = 8  # times as many steps enclose a sample of boxes without an enclosure, or they are given up
+_MORE = 1.2  # factor in the number of steps that is worth another pass
+_HOPE = 8  # boxes without an enclosure are given up if this many times the steps enclose no sample of them
 _SAMPLE = 64
 _ROUNDS = 8
-_GOLDEN = 0.6180339887498949  # whose multiples are nowhere near fractions of small numbers (Hurwitz 1891)
-_CLIMB = 32  # times as many steps as most boxes need: with more there is little hope
+_GOLDEN = 0.6180339887498949  # golden ratio: its multiples are nowhere near fractions of small numbers (Hurwitz 1891)
+_CLIMB = 32  # largest number of steps, in those of most boxes
 
 
 def best_order(centres: Floats, half_widths: Floats) -> int:

@@ -14,7 +14,7 @@ from .enclosed_periods import best_order, period_of, sample, times_of_steps, uni
 from .stroboscopic import Stroboscopic
 
 _COARSE = 0.15  # spread relative to half-widths, beyond which second derivatives are worth their work
-_MANY = 0.25  # of a sample
+_MANY = 0.25  # fraction of a sample of boxes above which second derivatives are taken
 _FEW = 3  # states, up to which they are compiled
 _WIDEST = 8  # lanes of a vector
 _TOGETHER = 1024  # boxes of a task; what depends on time alone is computed once for them
@@ -92,7 +92,7 @@ class FollowedBoxes:
 
 
 def started(rows: BoxLayout, centres: Floats, half_widths: Floats) -> Floats:
-    """Return what is known of boxes at the beginning, shape (n, rows)."""
+    """Return the enclosures of boxes at the beginning, shape (n, rows)."""
     found = np.zeros((len(centres), rows.count))
     found[:, rows.images], found[:, rows.half_widths] = centres, np.where(half_widths >= 0.0, half_widths, np.nan)
     for identity in (rows.derivatives, rows.frame):
@@ -101,7 +101,7 @@ def started(rows: BoxLayout, centres: Floats, half_widths: Floats) -> Floats:
 
 
 def carried(kernel: CompiledEnclosure, before: Floats, p: Floats, *steps: Any) -> Floats:
-    """Return what is known of boxes (n, rows) after a period, or after a step of a discrete map."""
+    """Return the enclosures of boxes (n, rows) after a period, or after a step of a discrete map."""
     found = np.empty_like(before)
 
     def enclose(part: slice) -> None:

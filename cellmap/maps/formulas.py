@@ -18,7 +18,7 @@ from .misread import PLACES
 from .periodicity import value_at
 from .system import ForcedSystem
 
-_SAMPLES = 2048  # of the forcing in a period; a pulse between two of them may be missed
+_SAMPLES = 2048  # samples of the forcing in a period; a pulse between two of them may be missed
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ def harmonics_of(samples: Floats) -> Floats:
 
 
 def formulas(system: ForcedSystem) -> Formulas:
-    """Return what is known of the right-hand side of a system."""
+    """Return the formulas of the right-hand side of a system, or the reason why there are none."""
     names = tuple(system.params)
     if system.functions[1:] == (None, None):
         unknown = why_untraced(system.rhs, system.dimension, system.params)

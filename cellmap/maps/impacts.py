@@ -67,7 +67,7 @@ class Impact:
         one_of("direction", self.direction, (-1, 1))
 
 
-_LAST = 2.0  # where others have 1 if they are solid
+_LAST = 2.0  # mark of an end of orbits; an impact is marked by 1 where it is solid, by 0 where it is not
 
 
 def _unchanged(t: float, x: Sequence[float], p: Any) -> Sequence[float]:
@@ -135,7 +135,7 @@ def check_ends(ends: Any, form: str, arguments: tuple[Any, ...]) -> dict[str, Ca
 
 
 def _tried(what: str, function: Callable[..., Any], *arguments: Any) -> tuple[Any, ...]:
-    """Return what a function returns of some arguments, the last but one a state; nothing outside of its domain."""
+    """Return (value,) of a function at some arguments, the last but one a state; () outside of its domain."""
     try:
         return (called_twice(what, function, *arguments[:-2], as_state(function, arguments[-2]), arguments[-1]),)
     except ImpureError:

@@ -36,8 +36,8 @@ _SHORT = 1e-9  # step that tells a right-hand side
 _FINER = 0.1  # part of the tolerance with which errors of derivatives are estimated
 _FIRST = 64  # orbits, or periods of one orbit, that a compiled loop takes before it is known what they cost
 _GROWTH = 8
-_STEPS_AT_ONCE = 2**22  # times components: tenths of a second, in which lanes are filled at each number of steps
-_RUNGS_TO_COMPARE = 3  # between numbers of steps whose images are compared; for own steps all that are climbed at once
+_STEPS_AT_ONCE = 2**22  # steps times components in a call: tenths of a second; lanes are filled at each number of steps
+_RUNGS_TO_COMPARE = 3  # rungs between two numbers of steps whose images are compared; of own steps all that are climbed
 _AGREEMENT = 2.0  # two images differ by less than the tolerance over this
 _REGROWN = 3  # periods in which a component can fall below its tolerance and grow again
 _AT_POLES, _ENOUGH = 1e-9, 8192  # tolerance of a step (looser ones pass poles), and steps, for orbits that may end
@@ -96,7 +96,7 @@ def _ladder(max_steps: int) -> Ints:
     return np.unique(np.minimum(rungs, max_steps))
 
 
-_OWN_STEPS = 16.0  # for each equal step that is allowed
+_OWN_STEPS = 16.0  # own steps for each equal step that is allowed
 _SAMPLES = 32
 _FEW_STEPS = 32
 _MANY_STEPS = 256
@@ -104,7 +104,7 @@ _TRIAL_STEPS = 1024
 _RATES = 3
 _POWERS = 32
 _STABLE = 3.0  # eigenvalue times the size of a step up to which no explicit method is unstable
-_ROSENBROCK_WORK = 3  # of a step, in steps of the explicit methods, at most: 1.1 to 2.1 with 2 to 8 states
+_ROSENBROCK_WORK = 3  # work of a step, in steps of the explicit methods, at most: 1.1 to 2.1 with 2 to 8 states
 _FEWEST = -0.25  # power of the tolerance: so many steps a method of order 4, as Rosenbrock's estimate, takes or more
 
 

@@ -23,9 +23,9 @@ Interval = Any
 """An interval of mpmath."""
 
 _DIGITS = 40
-_ORDER = 12  # of Taylor series in time
-_STEPS = (24, 96, 384)  # in a period, until the boxes of all steps are enclosed
-_WIDENINGS = 6  # of a box in Picard's iteration
+_ORDER = 12  # order of Taylor series in time
+_STEPS = (24, 96, 384)  # numbers of steps in a period that are tried until the boxes of all steps are enclosed
+_WIDENINGS = 6  # widenings of a box in Picard's iteration
 
 
 class NotEnclosedError(ArithmeticError):

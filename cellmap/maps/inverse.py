@@ -22,8 +22,8 @@ from .tangent import tangent
 
 _ITERATIONS = 40
 _CONVERGED = 1e-11
-_ROUNDING = 1e-13  # of an image, relative to its size
-_FARTHEST = 0.5  # from the foreseen place, relative to the step that leads there
+_ROUNDING = 1e-13  # rounding of an image, relative to its size
+_FARTHEST = 0.5  # largest distance from the foreseen place, in steps that lead there
 _MOST = 64  # points of a curve whose preimages are sought together
 _HALVINGS = 7
 _RESTARTS = 100  # behind gaps of one curve

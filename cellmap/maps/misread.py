@@ -52,7 +52,7 @@ def misread(
     axes: Sequence[Coordinate],
     error: Exception,
 ) -> Exception:
-    """Return what is said of a right-hand side that raises an error where it is called with some arguments."""
+    """Return the error message for a right-hand side that raises an error where it is called."""
     functions, names = ("rhs" if switches is None else "rhs or switches"), [c.name for c in axes]
     listed = ", ".join(names)
     text = str(error)
@@ -95,7 +95,7 @@ def asks_for_more(error: Exception | None) -> bool:
 
 
 def too_few(functions: str, axes: Sequence[Coordinate], error: Exception, otherwise: str = "") -> ValueError:
-    """Return what is said of a function that takes another number of state variables than there are coordinates."""
+    """Return the message for a function that takes another number of state variables than there are coordinates."""
     names = [c.name for c in axes]
     listed = ", ".join(names)
     if isinstance(error, ValueError):
@@ -117,14 +117,14 @@ def as_vectors(text: str) -> str:
 
 
 def undefined(functions: str, error: NameError) -> ValueError:
-    """Return what is said of a function that uses a name that is not defined."""
+    """Return the message for a function that uses a name that is not defined."""
     return ValueError(
         f"{functions} fails ({error}): define it before, or make it a parameter in params and write p.{error.name}"
     )
 
 
 def lacking(functions: str, error: AttributeError) -> ValueError:
-    """Return what is said of a function that reads an attribute that its arguments do not have."""
+    """Return the message for a function that reads an attribute that its arguments do not have."""
     if names := getattr(error.obj, "_fields", ()):
         return ValueError(
             f"{functions} asks for a parameter that params lacks: p.{error.name}; there are {', '.join(names)}"

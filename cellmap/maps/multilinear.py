@@ -19,8 +19,8 @@ from .tangent import tangent
 
 _LONGER = 1.7  # factor between the curves of two evaluations
 _SIGNS = 3  # components of directions with either sign
-_DISTANCES = 0.04, 0.034  # the longest between Jacobian matrices whose differences are taken, in natural sizes,
-_NEARER = 0.25 ** np.arange(6)  # and parts of them, for maps that are smooth on less than that, as beside grazing
+_DISTANCES = 0.04, 0.034  # longest distances between Jacobian matrices whose differences are taken, in natural sizes
+_NEARER = 0.25 ** np.arange(6)  # parts of these distances, for maps that are smooth on less, as beside grazing
 _ALIKE = 1e-6  # difference of two ways, relative to a form, from which shorter distances are tried
 
 

@@ -13,14 +13,14 @@ from .misread import PLACES, differ, short
 InTime = Callable[[float], Sequence[float]]
 """A function of time alone, such as a right-hand side at one state."""
 
-MOST_CYCLES = 1000  # of a function in a period that are looked for
-_SAMPLES = MOST_CYCLES + 24  # in a period
+MOST_CYCLES = 1000  # cycles of a function in a period that are recognised, at most
+_SAMPLES = MOST_CYCLES + 24  # samples in a period
 _TIMES = (*(0.5 + 0.5 * np.cos(np.arange(1.0, 41.0))).tolist(), *PLACES[:2])
 """Times in periods, irregular, at which a function is compared with itself: short pulses are to be met."""
 
 _SWITCHES = 8  # places of change that are narrowed down
-_HALVINGS = 17  # of a sample's distance, to less than _NEAR
-_NEAR = 1e-7  # of a period: a switch that is so near to where it was a period before has stayed there
+_HALVINGS = 17  # halvings of the distance of samples, to less than _NEAR
+_NEAR = 1e-7  # a switch that is this fraction of a period from where it was a period before has stayed there
 
 _REMEDY = "give the period of the forcing (any positive number for an autonomous system)"
 
@@ -127,7 +127,7 @@ def shortest_period(function: InTime, length: float) -> float:
     """Return the shortest period that a function has, a whole fraction of a given one; 0 if time plays no part."""
 
     def repeats(after: float, times: Sequence[float]) -> bool:
-        """Tell whether the function is the same some time later, and is anything at all there."""
+        """Return whether the function has the same finite value some time later."""
         for fraction in times:
             pair = [value_at(function, fraction * length + s) for s in (0.0, after)]
             if not all(np.isfinite(v).all() for v in pair) or differ(*pair):

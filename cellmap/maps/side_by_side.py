@@ -15,10 +15,10 @@ Result = TypeVar("Result")
 _TRIED = 16  # orbits that are moved on first, for the time that they take
 _WORTH = 4e-3  # seconds that the others have to take
 _FEWEST = 16  # orbits in a part
-_PARTS = 4  # for each thread
-_LONG = 1 << 12  # periods of all orbits from which on few orbits are cut, too
-_COSTLY = 1 << 16  # numbers of all images from which on orbits are cut for threads,
-_FULL = 256  # and orbits of a part that keep vectors filled
+_PARTS = 4  # parts for each thread
+_LONG = 1 << 12  # periods of all orbits above which few orbits are cut, too
+_COSTLY = 1 << 16  # numbers of all images above which orbits are cut for threads
+_FULL = 256  # orbits of a part that keep vectors filled
 
 
 def parts_of(shape: tuple[int, ...], periods: int) -> list[slice]:

@@ -21,7 +21,7 @@ ORBITS = 8
 """How many orbits are looked at."""
 
 _PERIODS, _RETURNS = 32, 4
-_STEPS = 1024  # in a period
+_STEPS = 1024  # largest number of steps in a period
 _RELATIVE = 1e-290
 """Absolute tolerance that leaves a coordinate to the relative one."""
 

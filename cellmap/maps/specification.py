@@ -122,7 +122,7 @@ class MapSpec(ABC, Generic[M]):
 
     @classmethod
     def from_recipe(cls, source: Any, recipe: Mapping[str, Any]) -> MapSpec[M]:
-        """Return the specification of a recipe; what the recipe lacks is that of the source."""
+        """Return the specification of a recipe; fields that the recipe lacks are those of the source."""
         values = {}
         for f in fields(cls):
             if f.name in recipe:

@@ -26,10 +26,10 @@ CHAOTIC, REGULAR, UNDECIDED = "chaotic", "regular", "undecided"
 FOLDS = 10.0
 """E-folds in half an orbit, up to which growth is not seen to be exponential."""
 
-_PARTS = GROUPS + 2  # of an orbit, for the rate of alignment, which comes from the last half of them
+_PARTS = GROUPS + 2  # parts of an orbit; the rate of alignment comes from the last half of them
 _PRESERVED = 1e-6  # mean logarithm of the factor by which volumes change in a step
-_POWER = 3.0  # of time: growth that might still be regular; plain shear gives 1
-_ROUNDING = 1e-12  # of an orbit's size
+_POWER = 3.0  # growth as this power of time might still be regular; plain shear gives 1
+_ROUNDING = 1e-12  # rounding, relative to an orbit's size
 _LONGEST_RETURN = 128
 
 

@@ -16,11 +16,11 @@ from ..maps.enclosures import enclosed_images
 from ..maps.point_map import PointMap
 from .ellipsoids import lyapunov_forms
 
-_LARGEST, _FIRST = 0.5, 2.0**-6  # of an extent, half-widths of balls: the largest, and the first that is tried
-_HALVINGS, _BETWEEN = 32, 3  # of the radius, until a ball contracts; and steps back towards the last one that did not
+_LARGEST, _FIRST = 0.5, 2.0**-6  # half-widths of balls, in extents: the largest, and the first that is tried
+_HALVINGS, _BETWEEN = 32, 3  # halvings of the radius until a ball contracts, and steps back from there
 _PARTS = {1: 256, 2: 32, 3: 10}  # boxes along each axis that cover a ball
 _PARTS_BEYOND = 4
-_CONDITION = 1e4  # of eigenvectors from which they make no frame
+_CONDITION = 1e4  # condition of eigenvectors above which they make no frame
 _SMALLEST = 1e-3  # multiplier, below which an orbit has no frame of eigenvectors that is carried along
 
 

@@ -16,7 +16,7 @@ from ..maps.point_map import PointMap
 from ..maps.tangent import tangent
 from .lyapunov import GROUPS
 
-_FACTOR = 100.0  # by which eigenvectors that are far from orthogonal let growth differ for a while
+_FACTOR = 100.0  # factor by which growth may differ for a while where eigenvectors are far from orthogonal
 _VANISHING = 1e-14  # growth in one step, of the largest, below which a direction is lost to rounding
 
 

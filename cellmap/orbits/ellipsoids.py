@@ -15,7 +15,7 @@ from ..maps.point_map import PointMap
 from ..maps.side_by_side import advance_on_threads
 
 _PARALLEL = 1e4  # condition of eigenvectors from which they make no metric
-_DIRECTIONS = 16  # in a plane, and twice as many for each dimension beyond the first in others
+_DIRECTIONS = 16  # directions in a plane; for each further dimension twice as many are drawn
 _SHELLS = 2.0 ** np.arange(-7.0, 1.0)  # half-widths of ellipsoids that are tested, in quarters of the extent
 
 

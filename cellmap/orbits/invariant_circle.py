@@ -17,21 +17,21 @@ from ..maps.orbit_batch import Orbits
 from ..maps.point_map import PointMap
 
 _STAGES = ((512, 16), (2048, 64), (8192, 256))  # points of the orbit, and harmonics, one attempt after the other
-_SLOW_STAGES = tuple((1 << k, 64) for k in range(10, 18))  # the same for orbits that drift slowly, near a resonance
-_SLOW_FITS = 32768  # points, and more, of which curves are fitted then
+_SLOW_STAGES = tuple((1 << k, 64) for k in range(10, 18))  # stages for orbits that drift slowly, near a resonance
+_SLOW_FITS = 32768  # least number of points of which curves of slow orbits are fitted
 _AT_REST = 1e-3  # way in the last quarter, in units of that in the first, of an orbit that comes to rest after all
 _RESONANCES = 64  # denominators up to which resonances are tried
-_DRIFT = 0.02  # largest way in as many steps, in units of the region, of an orbit that drifts slowly,
-_LASTING = 0.1  # and the least of its mean in the last quarter, in units of that in the first
-_UNIFORM = 0.5  # the same where nothing but the drift tells that the orbit comes round
+_DRIFT = 0.02  # largest drift in that many steps, in units of the region, of an orbit that drifts slowly
+_LASTING = 0.1  # least mean drift in the last quarter, in units of that in the first
+_UNIFORM = 0.5  # the least such mean where nothing but the drift tells that the orbit comes round
 _SEEN = 1e-12  # least way that is no rounding
-_ROUNDS = 1.5  # in which an orbit passes all of the curve, however unevenly it drifts
-_GOOD = 1e-8  # invariance error that needs no further attempt,
-_SUFFICIENT = 1e-3  # and the largest one that is accepted,
+_ROUNDS = 1.5  # circuits in which an orbit passes all of the curve, however unevenly it drifts
+_GOOD = 1e-8  # invariance error that needs no further attempt
+_SUFFICIENT = 1e-3  # largest invariance error that is accepted
 _PRECISE = 1e-11  # error of a rotation number that needs no longer orbit
-_HOPELESS = 0.1  # and the largest after which another attempt is made
+_HOPELESS = 0.1  # largest invariance error after which another attempt is made
 _MOST_CIRCLES = 8
-_LARGEST_JUMP = 0.3  # between neighbours on a curve, in units of its size
+_LARGEST_JUMP = 0.3  # largest distance between neighbours on a curve, in units of its size
 _DENSITY = 0.1  # length of a curve through n points, in units of n times its size: chaotic orbits have longer ones
 _PROBES = 128  # phases at which the invariance is measured
 _LOCKED = 512  # denominators up to which a rotation number is compared with rational numbers at least
@@ -204,7 +204,7 @@ class Resonance:
     numbers: tuple[float, ...] = ()
 
     def later(self, history: Floats, point_map: PointMap, extent: Floats) -> Resonance | None:
-        """Return the same of a longer orbit, which may pass parts of the curve quickly; None where it comes to rest."""
+        """Return the resonance seen by a longer orbit, which may pass parts of the curve quickly; None at rest."""
         ways = np.linalg.norm(_shift(history, self.denominator, point_map, extent), axis=1)
         return _drifting(self.denominator, ways, history, point_map, extent, _AT_REST)
 

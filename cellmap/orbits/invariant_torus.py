@@ -20,12 +20,12 @@ _STAGES = (
     (16384, 10),
     (16384, 16),
 )  # points of the orbit, and harmonics in each phase, one attempt after the other
-_GOOD = 1e-6  # invariance error that needs no further attempt,
-_SUFFICIENT = 1e-3  # and the largest one that is accepted
+_GOOD = 1e-6  # invariance error that needs no further attempt
+_SUFFICIENT = 1e-3  # largest invariance error that is accepted
 _PEAKS = 10  # lines of the spectrum that the two frequencies have to explain
 _APART = 16.0  # least distance of two lines, in units of one over the number of points
 _WEAK = 1e-3  # strength of a line, relative to the strongest, below which it is left unexplained
-_ORDERS = 12  # of combinations that explain them
+_ORDERS = 12  # largest order of combinations that explain spectral lines
 _SAME = 1e-5  # distance of a line from its combination
 _LONGEST_RELATION = 24  # whole numbers k1, k2, k0 with k1 w1 + k2 w2 = k0 that make the torus a curve, at most
 _PROBES = 12  # phases in each direction at which the invariance is measured

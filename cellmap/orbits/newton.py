@@ -22,19 +22,19 @@ from .orbit_kinds import PeriodicOrbit
 
 _ITERATIONS = 60
 _FREE_ITERATIONS = 4  # steps in which the residual may rise
-_SMALLEST_FRACTION = 1e-3  # of a step, below which there is no hope
+_SMALLEST_FRACTION = 1e-3  # fraction of a step below which a damped iteration is given up
 _LONGEST = 0.25  # damped step, in extents
-_SMALL = 1e-8  # step that may be the last one, if the next would be rounding;
-_STALLED = 1e-7  # a step below this and one after it that is hardly shorter are what the errors of images leave;
+_SMALL = 1e-8  # step that may be the last one, if the next would be rounding
+_STALLED = 1e-7  # a step below this that no longer shrinks is rounding error
 _RESIDUAL, _AMPLIFIED = 1e-7, 1e-10  # residual of a solution, and the same in units of the largest derivative
-_SHRINKING = 0.75  # those to a double solution get shorter by half, and to a triple one by a third
+_SHRINKING = 0.75  # ratio of steps: those to a double solution get shorter by half, to a triple one by a third
 _ROUNDING = 1e-15
 _SINGULAR = 1e-14  # determinant
 _STABLE = 1.0 - 1e-8
 _UNSTABLE = 1.0 + 1e-3  # largest multiplier from which the derivative of Newton's last step proves a point unstable
 _CHORD = 1e-5  # way, as a part of the resolution, on which a derivative is kept
 _FEW = 4  # dimensions up to which all derivatives cost little more than an image
-_HOPELESS = 1e6  # and from which a guess is in the midst of chaos, and no attracting point is close
+_HOPELESS = 1e6  # derivative above which Newton's method is not tried: the guess is in the midst of chaos
 
 ROUNDING = 4e-15
 """Residual that is rounding, in units of the resolution."""

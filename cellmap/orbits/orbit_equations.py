@@ -25,7 +25,7 @@ _SMALL_DRIFT = 1e-3  # singular value, relative to those of I - M and M, along w
 _AT_REST = 1e-9  # size from which a state is not 0, whatever its error, and a drift is one
 _TANGENT = 1e-12  # absolute tolerance of images that come with derivatives, or that of the map
 _CLEAR = 10.0  # errors of a state beyond which its size is known
-_FARTHEST = 100.0  # times its natural size that a drift may make a coordinate's unit
+_FARTHEST = 100.0  # largest factor by which a drift may enlarge a coordinate's unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +144,7 @@ class OrbitProblem:
         return replace(self, scale=self.scale * np.where(self.growing, factor, 1.0))
 
     def with_parameters(self, exact: PointMap, names: tuple[str, ...], spans: tuple[float, ...]) -> OrbitProblem:
-        """Return the equations in other parameters, those of a map, in units of their spans."""
+        """Return the equations with the parameters of a map, in units of their spans, in place of their own."""
         scale = np.append(self.scale[: self.states], spans)
         return replace(self, point_map=exact, swept=swept_map(exact, *names), scale=scale)
 

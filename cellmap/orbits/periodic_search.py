@@ -24,14 +24,14 @@ from .orbit_kinds import PeriodicOrbit
 from .shooting import ShootingProblem
 
 _NEAR = 1.5  # cell widths within which a linear step from a cell's centre has to end
-_SEGMENTS = 16  # of a step of the map, where it can be divided
-_LARGE_GROWTH = 30.0  # of deviations in a period, from which orbits are looked for in segments as well,
-_FAR = 0.05  # and distance of a solution from its guess, in extents, from which they are too
-_STEPS, _FREE_STEPS = 30, 4  # across a family of orbits that fill a line, and those in which the residual may rise
+_SEGMENTS = 16  # segments of a step of the map, where it can be divided
+_LARGE_GROWTH = 30.0  # growth of deviations in a period above which orbits are looked for in segments as well
+_FAR = 0.05  # distance of a solution from its guess, in extents, above which orbits are looked for in segments as well
+_STEPS, _FREE_STEPS = 30, 4  # steps across a family of orbits that fill a line; such in which the residual may rise
 _ACROSS, _SINGULAR = 0.01, 1e-8  # singular value, relative, of the direction along it beside it, and on it
 _SAME = 1e-7  # distance of points of one orbit, relative to the resolution
-_BESIDE = 0.01  # distance from a known orbit, in the same units, from which a solution may be that orbit,
-_BLURRED = 10.0  # and errors of a solution within which it is: its residual is known in order of magnitude alone
+_BESIDE = 0.01  # distance from a known orbit, in resolutions, within which a solution may be that orbit
+_BLURRED = 10.0  # errors of a solution within which two are the same: a residual is known in order of magnitude alone
 _STILL = 1e-6  # motion of an equilibrium in an interval of time, in extents: Newton's method blurs it that much
 _FOLLOWED, _PERIODS = 32, 64  # cells whose orbits are followed, and for how long
 

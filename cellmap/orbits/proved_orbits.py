@@ -22,8 +22,8 @@ from .attractor import Attractor
 from .contraction import check_periods, circle_gaps, contraction_balls, point_width
 from .orbit_kinds import PeriodicOrbit
 
-_HALVINGS = 50  # of the box in which an orbit is sought, from the size of its coordinates on
-_NARROWER = 20  # times at most that the box around the orbit is made smaller
+_HALVINGS = 50  # halvings of the box in which an orbit is sought, from the size of its coordinates on
+_NARROWER = 20  # largest number of times that the box around the orbit is made smaller
 
 
 class NotProvedError(ArithmeticError):

@@ -19,7 +19,7 @@ from .orbit_kinds import PeriodicOrbit
 DIVISIONS = (1, 4, 16, 64)
 """Parts of a step of the map in segments of an orbit, tried one after the other."""
 
-_SAMPLES = 32  # of a step of the map, in which the size of an orbit shows
+_SAMPLES = 32  # samples of a step of the map, in which the size of an orbit shows
 
 LARGEST_GROWTH = 1e3
 """Growth of deviations between two nodes from which there should be more of them.
@@ -99,7 +99,7 @@ class ShootingProblem(OrbitProblem):
         return residual, slopes.reshape(*batch, n * d, len(self.scale)) * self.scale / own[:, None]
 
     def with_parameters(self, exact: PointMap, names: tuple[str, ...], spans: tuple[float, ...]) -> ShootingProblem:
-        """Return the equations in other parameters, those of a map, in units of their spans."""
+        """Return the equations with the parameters of a map, in units of their spans, in place of their own."""
         parts = swept_map(exact, *names).specified.parts(len(self.parts))
         assert parts is not None, "the orbit is in segments"
         other = super().with_parameters(exact, names, spans)

@@ -19,7 +19,7 @@ from ..maps.point_map import PointMap
 from .chaos_tests import UNDECIDED, ChaosTest, verdicts
 
 _LOW, _HIGH = 0.2, 0.8  # K is 0 for regular and 1 for chaotic motion
-_ROUNDING = 1e-12  # of an orbit's size
+_ROUNDING = 1e-12  # rounding, relative to an orbit's size
 _FREQUENCIES = (pi / 5.0, 4.0 * pi / 5.0)
 
 

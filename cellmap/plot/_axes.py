@@ -59,14 +59,14 @@ def symbol(name: str) -> str:
 
 
 def titled(coordinate: Coordinate) -> str:
-    """Return what stands beside the axis of a coordinate: its symbol, and its unit."""
+    """Return the label of the axis of a coordinate: its symbol, and its unit."""
     of, between, name = coordinate.name.rpartition(" of ")
     shown_as = f"{of}{between}{''.join(map(symbol, re.split('( [+-] )', name)))}"
     return _with_unit(shown_as, coordinate.unit)
 
 
 def parameter_title(name: str, units: Mapping[str, str]) -> str:
-    r"""Return what stands beside the axis of a parameter: its symbol, and its unit where a system declares one.
+    r"""Return the label of the axis of a parameter: its symbol, and its unit where a system declares one.
 
     Examples
     --------
@@ -81,7 +81,7 @@ def _with_unit(shown_as: str, unit: str) -> str:
 
 
 def axes_or_new(ax: Axes | None, size: tuple[float, float] | None = None) -> Axes:
-    """Return the axes that are given, or those of a new figure of a size in inches."""
+    """Return the given axes, or the axes of a new figure of a size in inches."""
     return plt.subplots(figsize=size, layout="constrained")[1] if ax is None else ax
 
 
@@ -156,7 +156,7 @@ def name_parameters(ax: Axes, names: Sequence[str], units: Mapping[str, str]) ->
 
 
 def colour_bar(ax: Axes, drawn: ScalarMappable, label: str) -> None:
-    """Add the scale of the colours of what is drawn."""
+    """Add the colour bar of an image."""
     assert ax.figure is not None
     ax.figure.colorbar(drawn, ax=ax, label=label)
 

@@ -102,7 +102,7 @@ def basins(
 
 
 def _where(basins: Basins | FeatureBasins) -> str:
-    """Return what a title says of the coordinates that a slice holds, where there are few."""
+    """Return the part of a title that names the coordinates that a slice holds, where there are few."""
     grid = basins.grid
     fixed = [j for j, n in enumerate(grid.shape) if n == 1] if grid is not None else []
     if grid is None or not 0 < len(fixed) <= 2:
@@ -256,7 +256,7 @@ def certificate(certificate: Certificate, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-_PIXELS = 128  # along the longer side
+_PIXELS = 128  # pixels along the longer side of a small image
 
 
 def thumbnail(basins: Basins) -> bytes | None:

@@ -33,7 +33,7 @@ _STATUS_STYLES: dict[CircleStatus, Any] = {
     CircleStatus.LOCKED: {"marker": "s", "color": "#E69F00", "markersize": 4.0},
     CircleStatus.BROKEN: {"marker": "x", "color": "#990A00", "markersize": 4.0},
 }
-_PHASES = 512  # of a curve that are drawn
+_PHASES = 512  # phases of a curve that are drawn
 
 
 @figure

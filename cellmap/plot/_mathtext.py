@@ -10,7 +10,7 @@ from matplotlib.mathtext import MathTextParser
 
 @lru_cache
 def fault_in(name: str) -> str:
-    """Return what is wrong with the mathematics in a name; nothing where all figures can show it.
+    """Return the fault in the mathematics of a name; an empty text where all figures can show it.
 
     One dollar sign alone is no mathematics, but two names in a title are a pair of them.
     """

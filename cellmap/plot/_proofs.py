@@ -14,7 +14,7 @@ from ._axes import axes_or_new, legend_below, plane_of, short_name, show_cells
 from ._colours import label_colours
 from ._draw import figure
 
-_PALE = 0.25  # of a colour, where its label is not proved
+_PALE = 0.25  # part of a colour that is left where its label is not proved
 
 
 @figure

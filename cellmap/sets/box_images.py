@@ -150,7 +150,7 @@ def points_in(samples: Samples, dimension: int) -> int:
 
 
 def _hits(boxes: BoxSet, point_map: PointMap, samples: Samples, steps: int) -> list[Hits]:
-    """Return what the boxes meet, slice after slice, rows numbered through."""
+    """Return the boxes that images meet, slice after slice, rows numbered through."""
     check_boxes(boxes, point_map)
     steps = whole_number("periods", steps, at_least=1)
     adaptive = isinstance(samples, str)
@@ -180,14 +180,14 @@ class _Work:
     steps: int
 
     def regular(self, part: slice, samples: int) -> Hits:
-        """Return what the middles of equal parts of boxes hit."""
+        """Return the boxes that the images of the middles of equal parts of boxes hit."""
         d = self.boxes.grid.dimension
         lattice = middles((samples,) * d)
         images = self._images(self.boxes.keys[part], lattice)
         return tallied(self.locate(images), np.arange(part.start, part.stop), len(lattice))
 
     def adaptive(self, part: slice) -> Hits:
-        """Return what boxes meet, with lattices as fine as the distances of their images ask for."""
+        """Return the boxes that images meet, with lattices as fine as the distances of the images ask for."""
         keys, d = self.boxes.keys[part], self.boxes.grid.dimension
         found = []
         waiting = {(_FEWEST,) * d: np.arange(len(keys))}

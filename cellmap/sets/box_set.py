@@ -198,7 +198,7 @@ def distinct(keys: Ints) -> Ints:
 
 
 def finer(grid: CellGrid, shape: Sequence[int], argument: str) -> CellGrid:
-    """Return the same window in other cells."""
+    """Return the window in other cells."""
     if np.prod([int(n) for n in shape], dtype=object) > MOST_CELLS:
         raise ValueError(f"{argument}: of {tuple(shape)} cells at most 2**62 can be numbered; bisect fewer times")
     return replace(grid, shape=tuple(int(n) for n in shape))

@@ -16,7 +16,7 @@ from .._lib.checks import warn_caller
 _PATIENCE = 100  # sweeps, up and down, before a class is left to another solver
 _TOLERANCE = 1e-11
 _DIRECT = 2e10  # multiplications in a band up to which a class is solved by elimination
-_AT_ONCE = 4e9  # the same, for measures that steps of the chain may find as well
+_AT_ONCE = 4e9  # multiplications up to which measures that steps of the chain may find as well are found by elimination
 _ACCEPTED = 1e-5  # error that is not worth a warning
 _POWERS = 1000
 

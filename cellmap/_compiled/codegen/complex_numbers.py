@@ -36,7 +36,7 @@ class ComplexExpression:
         return ComplexExpression(self.real, -self.imag)
 
     def lifted(self, other: Any) -> ComplexExpression:
-        """Return another number as a pair on the same graph."""
+        """Return a complex or real number as a pair on the same graph."""
         return other if isinstance(other, ComplexExpression) else paired(self.graph, other)
 
     def __add__(self, other: Any) -> ComplexExpression:

@@ -500,7 +500,7 @@ def in_order(outputs: Iterable[Expression]) -> list[Expression]:
 
 @lru_cache(maxsize=8)
 def ordered(outputs: tuple[Expression, ...]) -> tuple[Expression, ...]:
-    """Return the same, kept for expressions that are evaluated again and again."""
+    """Return the expressions in order, kept for evaluation again and again."""
     return tuple(in_order(outputs))
 
 

@@ -358,7 +358,7 @@ def compiled_steps(
 
 
 def finished(advance: CompiledPeriod, method: Method, trial: int = 1) -> PeriodKernel:
-    """Return a compiled period with what its method knows about it."""
+    """Return a compiled period with the properties of its method."""
     stages = len(method.tableau.nodes) if method.tableau else 1
     if method.own_steps:
         trial = periods.PROBE

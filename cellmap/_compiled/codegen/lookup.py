@@ -58,7 +58,7 @@ class LookUp:
         return self.with_table(points, rotations, left, *addresses_of(table))
 
     def with_table(self, points: Floats, rotations: Ints, left: Ints, addresses: Sequence[int], several: int) -> int:
-        """Do the same with what :func:`addresses_of` returns."""
+        """Return a table with the addresses that :func:`addresses_of` gives."""
         made = ctypes.c_int64()
         work = [array.ctypes.data for array in (points, rotations, left)]
         _PROTOTYPE(self.address)(*work, *addresses, len(points), several, ctypes.addressof(made))

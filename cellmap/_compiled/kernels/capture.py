@@ -19,7 +19,7 @@ AT_REST = 1e-13
 BITS = 62
 """Ellipsoids of a word of a sieve, whose sign stays free."""
 
-_FARTHEST = 2.0**40  # boxes from the first one; what has no finite place is there
+_FARTHEST = 2.0**40  # place, in boxes from the first one, of what has no finite place
 
 
 class Regions(NamedTuple):

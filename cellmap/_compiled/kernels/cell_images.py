@@ -17,7 +17,7 @@ SEVERAL = -1
 """An end of paths over images of cells: more than one, or one that is not known."""
 
 _FAR = 2**30  # cells from the first, outside of any table
-_TILE = 5  # cells of a tile along each axis, 2 to this: their changes are noticed together
+_TILE = 5  # cells of a tile along each axis, as a power of 2: their changes are noticed together
 
 
 @loop

@@ -11,7 +11,7 @@ from .lane import COUNTS, ENDS, RESTS, SOLID, STRIKES, look
 CLOSE = 1e-12
 """Value of a guard below which a state is on the surface."""
 
-_HEIGHT = 1e-13  # of the highest flight that counts as rest
+_HEIGHT = 1e-13  # height of the highest flight that counts as rest
 _FALLS = 1e-9  # acceleration at the end of a rest below which the third derivative decides
 
 

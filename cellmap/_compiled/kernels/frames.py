@@ -17,7 +17,7 @@ ROUNDING = 2.0**-52
 """Of the largest entry of a step: what is smaller is no number but noise."""
 
 _LARGEST, _SMALLEST = 1e100, 1e-100  # product of growths whose logarithm is taken
-_LITTLE = 0.01  # of the square of a length: less is left with errors that a second pass removes
+_LITTLE = 0.01  # fraction of the square of a length: where less is left, a second pass removes errors
 
 
 class FrameStep(NamedTuple):

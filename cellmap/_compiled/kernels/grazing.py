@@ -15,7 +15,7 @@ the surface; and the number of impacts, minus infinity where a state rests."""
 
 RECORDS = 3
 
-_PARTS = 16  # of a step, in each of which a turning point is looked for
+_PARTS = 16  # parts of a step, in each of which a turning point is looked for
 _HALVINGS = 60
 
 

@@ -275,7 +275,7 @@ def _look(step, regions, sieve, covers, limits, outcome, work):
 
 @inlined
 def _ends(regions, covers, limits, outcome, pool, r, owner):
-    """Tell whether a row is through; if so write what has become of its orbit."""
+    """Return whether a row is finished; if so, write the outcome of its orbit."""
     m, k, ended = pool.member[r], pool.age[r], pool.status[r] >= ESCAPED
     when = k
     if owner >= 0 and regions.residence[owner] > 0:

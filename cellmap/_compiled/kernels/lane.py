@@ -152,7 +152,7 @@ def system_of(context, p, single):
 
 @inlined
 def look(system, t, lane, surfaces):
-    """Evaluate what decides about the mode of a lane."""
+    """Evaluate the functions that decide about the mode of a lane."""
     call_surfaces(system.surfaces, t, lane.state, system.p, lane.signs, surfaces)
 
 

@@ -301,7 +301,7 @@ def _compare(motion, batch, points, members):
 
 @inlined
 def _hand_over(motion, batch, points, members, handed):
-    """Put those aside that another method is to take, at their initial points; return how many there are by now."""
+    """Set aside the orbits that another method takes, at their initial points; return their number by now."""
     for m in range(members.size):
         if batch.rungs[m] < MET or (batch.rungs[m] > MET and _is_wrong(motion, batch, members[m], m)):
             batch.rungs[m], batch.aside[handed] = MET, members[m]
@@ -557,7 +557,7 @@ def _wrap(points, rotations, status, k, lower, turn):
 
 @inlined
 def _fate(first):
-    """Return what has become of an orbit that is beyond all bounds, by its first coordinate."""
+    """Return the status of an orbit that is beyond all bounds, by its first coordinate."""
     number = first / END_PLACE
     if 1.0 <= number <= MOST_ENDS and number == np.floor(number):
         return ENDED - 1 + np.int64(number)

@@ -15,8 +15,8 @@ from .calls import call_period
 SEEN_NOTHING, ENDED, ARRIVED = range(3)
 """What has become of an orbit: it is not known, it ended within the period, or came to the end of it."""
 
-_ERROR = 1e-9  # of a step, as a part of the state's size: shorter steps than rounding's pass jumps, and no pole
-_FIRST = 1.0 / 16  # of the period
+_ERROR = 1e-9  # error of a step, relative to the state; steps below rounding would pass jumps, which are no poles
+_FIRST = 1.0 / 16  # first step, as a fraction of the period
 _SHORTEN, _LENGTHEN = 0.1, 5.0
 _UNRESOLVED = 2.0  # factor by which a step is shortened that passes over something
 

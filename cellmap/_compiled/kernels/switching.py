@@ -8,10 +8,10 @@ from ..loops import inlined, loop
 from .events import TIE
 from .lane import COUNTS, SIGN, look
 
-_DIGITS = 1e-12  # of the size of a state, by which it may be moved onto a surface; and where it
-_SLIDING = 1e-8  # may slide there
-_JUMP = 1e-6  # of the equivalent control beyond one, from which on the state leaves a surface with a kink
-_ROUNDS = 200  # of the relaxation for several switches on their surfaces at once
+_DIGITS = 1e-12  # distance, relative to the size of a state, by which it may be moved onto a surface
+_SLIDING = 1e-8  # the same distance where the state may slide along the surface
+_JUMP = 1e-6  # a state leaves a surface with a kink where the equivalent control exceeds one by this
+_ROUNDS = 200  # iterations of the relaxation for several switches on their surfaces at once
 
 
 @loop

@@ -159,7 +159,7 @@ def lasting(kind: Kind, how: int) -> Kind:
 
 
 def kind_of_argument(argument: Any) -> Kind:
-    """Return the kind of what a loop is called with: ndarray, tuple, int, float."""
+    """Return the kind of an argument of a loop: ndarray, tuple, int, float."""
     if isinstance(argument, np.ndarray):
         layout = CONTIGUOUS if argument.flags.c_contiguous else STRIDED
         return ArrayKind(element_of(argument.dtype), argument.ndim, layout, argument.flags.writeable)

@@ -15,8 +15,8 @@ from ...maps.point_map import PointMap, follow
 from ...orbits.orbit_kinds import PeriodicOrbit
 
 _BEGINNING = 1e-6  # scaled length of the fundamental segment's distance from the saddle
-_STRAIGHT = 0.2  # radians between neighbouring pieces of a curve, at most,
-_SHORTEST = 1e-3  # unless they are shorter than this part of the spacing
+_STRAIGHT = 0.2  # largest angle between neighbouring pieces of a curve, in radians
+_SHORTEST = 1e-3  # fraction of the spacing: pieces shorter than this may meet at any angle
 _LEVELS = 400
 _ROUNDS = 40
 

@@ -20,9 +20,9 @@ from ...orbits.orbit_kinds import PeriodicOrbit
 from ...orbits.periodic_search import periodic_orbit
 from ..resilience.shock_search import nearest_foreign
 
-_SECTIONS = 32  # of a segment that are looked at together
-_TILT = 1e-3  # of the distance of the first pair, by which one of the two is moved out of line
-_BLOCKS = 8  # of an orbit, whose mean growths are compared
+_SECTIONS = 32  # sections of a segment whose ends are labelled together
+_TILT = 1e-3  # one point of the first pair is moved out of line by this fraction of their distance
+_BLOCKS = 8  # blocks of an orbit whose mean growths are compared
 _SAME = 1e-2  # scaled distance of a saddle from the straddle orbit that led to it
 
 

@@ -19,7 +19,7 @@ from ...orbits.attractor import Attractor
 from .escape import Restraint, restraint
 
 _TRIALS = 256  # staggers that are tried together
-_BATCHES = 400  # of them, after which there is no hope
+_BATCHES = 400  # batches of staggers after which the search is given up
 _SMALLEST = -15.0  # decimal exponent of the smallest stagger
 
 

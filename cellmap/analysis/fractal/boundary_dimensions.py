@@ -24,7 +24,7 @@ _FEWEST_ACROSS = 4
 _MOST_OFFSETS = 64
 _SPECK = 4  # cells of a speck, which touch at least at their corners
 _ALONE = 0.05  # fraction of the boxes that may hold specks alone without changing the result
-_GROWTH = 1.2  # of the odds of such boxes, from the smallest size on, that rounding of a few counts does not reach
+_GROWTH = 1.2  # growth of the odds of such boxes with their size that rounding of a few counts does not explain
 
 
 @checked

@@ -23,12 +23,12 @@ from .partitions import TOGETHER, Partition, Space, distinct, dyadic_sizes, over
 
 _FEWEST_BOXES = 10
 _MISSED = 0.03
-_TOLD = 0.1  # missed in logarithms, up to which an estimate of it serves to distinguish laws of edges
-_FEWEST_POINTS = 4  # in a box for that, on average: a lattice fills boxes evenly until it suddenly does not
+_TOLD = 0.1  # fraction of missed boxes, as a logarithm, up to which its estimate helps to choose a law of edges
+_FEWEST_POINTS = 4  # mean number of points in a box for that: a lattice fills boxes evenly until it suddenly does not
 _MARGIN = 0.02  # counts of straight lines on oblique grids come as close to whole numbers as this
 _LAST = 6
 _AHEAD = 100.0
-_STRETCH = 64.0  # its root of order d is the ratio of the sides of stretched boxes: more leaves them too few sizes
+_STRETCH = 64.0  # ratio of the sides of stretched boxes, to the power d: a larger one leaves them too few sizes
 
 
 @dataclass(frozen=True, eq=False)

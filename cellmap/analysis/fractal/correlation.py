@@ -20,9 +20,9 @@ from .box_counting import checked_sizes, fit_sizes
 from .partitions import Space
 
 _BLOCKS = 8
-_PAIRS_AT_ONCE = 2**26  # that are counted before Ctrl-C is heard
+_PAIRS_AT_ONCE = 2**26  # pairs that are counted before Ctrl-C is heard
 _FEWEST_PAIRS = 500
-_LARGEST = 0.25  # of the extent
+_LARGEST = 0.25  # largest distance of a pair, in extents of the set
 _RADII = 25
 _DECADES = 5
 

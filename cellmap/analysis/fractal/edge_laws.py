@@ -10,7 +10,7 @@ from ..._lib.arrays import Floats
 EDGES = np.linspace(0.0, 4.0, 201)
 """Coefficients of the edges of a whole set, over its extent."""
 
-_EXPONENTS = (0.75, 0.5, 0.25)  # of the edges of pieces that are longer than wide
+_EXPONENTS = (0.75, 0.5, 0.25)  # exponents of the edges of pieces that are longer than wide
 
 
 def edge_laws(parts: Floats, dimension: int) -> tuple[Floats, Floats]:

@@ -19,7 +19,7 @@ from .uncertainty_fits import finest_exponent, is_rough
 
 _SIGNIFICANT = 2.0  # standard errors above ln 2
 _FEW = 30  # boxes on the boundary below which nothing is concluded
-_COMPLETE = 0.5  # of a box's cells that need a basin
+_COMPLETE = 0.5  # fraction of a box's cells that must have a basin
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +199,7 @@ def box_entropies(counts: Ints, cells: int) -> Floats:
 
 
 def mean_and_error(values: Floats) -> tuple[float, float]:
-    """Return mean and standard error, NaN for what too few values do not tell."""
+    """Return the mean and its standard error, NaN where there are too few values."""
     n = len(values)
     return float(values.mean()) if n else np.nan, float(values.std(ddof=1) / np.sqrt(n)) if n > 1 else np.nan
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _FEWEST_BOXES = 10
 _MISSED = 0.02
-_FEWEST_POINTS = 20  # in a box, on average: a sum over fewer is biased by their chance numbers
+_FEWEST_POINTS = 20  # mean number of points in a box: a sum over fewer is biased by their chance numbers
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,9 +30,9 @@ from .uncertainty_fits import (
 )
 
 _BATCH = 4096  # discs that are drawn together
-_PATIENCE = 500  # times as many discs as are wanted on the boundary are drawn at most
+_PATIENCE = 500  # largest number of discs that are drawn for each disc wanted on the boundary
 _FEWEST = 100  # discs on the boundary below which nothing is concluded
-_TILES = 16  # along each axis: parts of the image that count as independent
+_TILES = 16  # parts of the image along each axis that count as independent
 _SIGNIFICANT = 3.0  # standard errors
 _DIRECTIONS = 720
 

@@ -26,13 +26,13 @@ from .label_images import included_labels
 from .uncertainty_fits import UncertaintyExponent, with_fit
 
 _LARGEST = 2.0**-6  # distance, relative to the window
-_SAFETY = 10.0  # times the error of the map: the smallest distance
+_SAFETY = 10.0  # smallest distance of a pair, in errors of the map
 _FIRST = 4096  # pairs in the first estimate of the uncertain fraction
 _HALF = CHUNK // 2  # pairs in a slice
 _AT_ONCE = 2**30  # pairs that are drawn before they are counted, at most
 _SMOOTH_COST = 31.0  # pairs for five distances, in those for the first one, where the boundary is smooth
 _SPARSE = 50  # uncertain pairs that are wanted at least
-_POOR = 0.25  # of the uncertain pairs that are wanted: too few to begin another distance
+_POOR = 0.25  # a further distance is begun if at least this fraction of the wanted uncertain pairs can be drawn
 
 
 @checked

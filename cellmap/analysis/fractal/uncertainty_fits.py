@@ -24,9 +24,9 @@ SMOOTH, FRACTAL, UNDETERMINED, NO_BOUNDARY = "consistent with smooth", "fractal"
 
 _FEWEST = 20  # uncertain pairs at a distance that is used
 _UNDECIDED = 0.1  # undecided pairs, relative to uncertain ones, from which a distance is not used
-_RISE = 2.0  # times that from the coarser to the finer half of the distances: as far again as these reach
+_RISE = 2.0  # the slope is extrapolated by its change between the halves of the distances, times this
 _VAGUE = 0.1  # standard error, and distance from 1, above which nothing is called consistent with smooth
-_BLOCKS = 8  # along each axis: parts of an image whose scatter gives the errors
+_BLOCKS = 8  # blocks of an image along each axis whose scatter gives the errors
 _COARSEST = 8  # largest distance, as a part of the shorter side
 
 

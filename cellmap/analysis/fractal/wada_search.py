@@ -27,7 +27,7 @@ from .label_images import NO_BASIN, LabelImage, included_labels, label_image
 from .wada import NOT, PART, PARTIALLY, WADA
 
 _FEWEST = 50  # boxes on the boundary below which basins are not called Wada
-_CENTRES = 64 * CHUNK  # of boxes that are labelled together
+_CENTRES = 64 * CHUNK  # centres of boxes that are labelled together
 _CLOSER = 8  # halvings of a segment before it is looked at again
 _SAMPLE = 400  # boxes that are examined again
 _AGREEING = 0.9  # fraction of these in which all basins must be found again

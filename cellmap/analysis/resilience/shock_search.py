@@ -13,12 +13,12 @@ from ...basins.classification import Labeller, places_of
 from ...basins.record import Basins
 from ...maps.coordinates import Coordinate, circular_tree, difference
 
-_SHRINKING = 1.0 - 0.7 * 4.0 ** -np.arange(18)  # of the best size, on each ray
+_SHRINKING = 1.0 - 0.7 * 4.0 ** -np.arange(18)  # sizes that are tried on each ray, relative to the best size so far
 _RAYS = 16
-_PASSES = 2000  # of rays, at most: a size that falls by 300 decades takes 600
+_PASSES = 2000  # largest number of passes of rays: a size that falls by 300 decades takes 600
 _WIDEST, COARSE, FINE = 0.5, 1e-2, 2e-6  # spread of the rays, in radians: at first, of all candidates, of the best
 _CANDIDATES = 4
-_CLOSE = 1.5  # times the distance of the nearest foreign cell, within which candidates are chosen
+_CLOSE = 1.5  # foreign cells within this many distances of the nearest one are candidates
 
 Fatal = Callable[[Floats], Bools]
 
@@ -43,7 +43,7 @@ class Trials:
         return full
 
     def at(self, origin: Floats) -> Fatal:
-        """Return what tells which shocks to a state are fatal."""
+        """Return a function that says which shocks to a state are fatal."""
 
         def fatal(shocks: Floats) -> Bools:
             found = self.label(origin + self.displacements(shocks))
@@ -137,7 +137,7 @@ def shortened(fatal: Fatal, shock: Floats, finest: float, rng: np.random.Generat
 
 
 def fatal_inside(fatal: Fatal, shock: Floats, count: int, rng: np.random.Generator) -> Floats:
-    """Return those of some random shocks, uniform in the ball of a shock's size, that are fatal."""
+    """Return the fatal ones of some random shocks, uniform in the ball of a shock's size."""
     d = len(shock)
     rays = rng.standard_normal((count, d))
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)

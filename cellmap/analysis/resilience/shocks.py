@@ -19,7 +19,7 @@ from ...maps.coordinates import Coordinate, state_points, wrap
 from ...maps.point_map import PointMap
 from .shock_search import FINE, Trials, bracketed, candidates_of, fatal_inside, shortened, shortest_of
 
-_ROUNDS = 12  # of looking for smaller shocks elsewhere
+_ROUNDS = 12  # searches for smaller shocks elsewhere
 
 
 @dataclass(frozen=True, eq=False)

@@ -234,7 +234,7 @@ def _names_of(given: Any, numbers: tuple[int, ...]) -> tuple[str, ...]:
 def _landing(
     before: Basins, after: Basins, columns: tuple[int, ...], point_map: PointMap | None
 ) -> tuple[tuple[int, ...], Floats]:
-    """Return the columns with those of labels that only points of attractors have, and the landing of the points."""
+    """Return the columns, with labels that only points of attractors have, and the landing of these points."""
     label = labeller(after, point_map=point_map, name="after")
     ends = [label(a.points) for a in before.attractors]
     columns = (*columns, *sorted({int(k) for e in ends for k in e} - set(columns), reverse=True))

@@ -67,7 +67,7 @@ class Budget:
         return self.cells + (_DOUBTED * self.doubted + _OTHERS) * self.direct > max(self.direct, _FREE)
 
     def holds(self, tally: Tally, done: int, left: int) -> bool:
-        """Tell whether those that are left can be certified as well, from the work on some."""
+        """Return whether the labels that are left can be certified as well, from the work on some."""
         expected = self.cells + cost(tally) * (done + left) / max(done, 1)
         return expected <= max(self.most * self.direct, _FREE)
 

@@ -174,7 +174,7 @@ class ProvedCells:
         return cls(region, np.zeros(region.shape, np.int16), np.zeros(region.shape, np.int32))
 
     def refined(self) -> ProvedCells:
-        """Return the same with all cells halved along each axis."""
+        """Return the region with all cells halved along each axis, and what is proved of it."""
         labels, ranks = self.labels, self.ranks
         for j, fixed in enumerate(self.region.fixed):
             if not fixed:

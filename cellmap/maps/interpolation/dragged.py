@@ -10,8 +10,8 @@ from .interpolated import Interpolated
 from .over_parameter import ParameterTable, tables_in_steps
 
 _AHEAD = 64.0  # changes, as large as the last one, that tables are made for on both sides of a value
-_NEAREST = 0.5  # of a value: as far from 0 the tables begin
-_VALUES = 64  # for which tables are made: so many images have to be worth the trouble
+_NEAREST = 0.5  # tables begin at this fraction of the value, on the side of 0
+_VALUES = 64  # values for which tables are made: so many images make them worthwhile
 
 
 @dataclass(eq=False)

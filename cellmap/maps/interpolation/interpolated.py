@@ -26,7 +26,7 @@ from .table_making import doubled_table, errors_in_cells, spline_coefficients_of
 from .tabulation import TableTiles, table_checkpoint
 
 ALLOWED = {1: 0.05, 3: 1e-3, 5: 1e-4}  # error in a cell, in cell widths
-_STRICTER = 0.01  # of that difference, for tables of several periods
+_STRICTER = 0.01  # tolerance of tables of several periods, as a fraction of the error allowed for one period
 
 
 @checked

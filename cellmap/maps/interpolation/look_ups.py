@@ -19,7 +19,7 @@ from ..orbit_batch import Orbits, Status, portions
 from ..point_map import PointMap
 from .spline_coefficients import padded
 
-_CHEAPER = 32  # times that a look-up costs less than a period of integration
+_CHEAPER = 32  # look-ups that cost as much as a period of integration
 
 
 class LookUps(CompiledAdvance):
@@ -127,7 +127,7 @@ class LookUps(CompiledAdvance):
 
 
 def _inverse_widths(grid: CellGrid) -> Floats:
-    """Return what turns distances into cells, rounded so that the upper edges of the window are inside of it."""
+    """Return cells per unit of length, rounded so that the upper edges of the window are inside of it."""
     inverse, span = 1.0 / grid.widths, np.subtract(grid.upper, grid.lower)
     while (beyond := span * inverse > grid.shape).any():
         inverse[beyond] = np.nextafter(inverse[beyond], 0.0)

@@ -34,10 +34,10 @@ CHECKED = np.array([0.85, -0.55])
 """Places between nodes, from -1 to 1, at which errors are measured."""
 
 _SAMPLE = 1024  # nodes of the grid from which the level is chosen, before any table is made
-_COMPARED = 64  # random points of the window at which a combined table is compared with the exact map,
-_WRONG = 3.0  # and errors there, in those that cells are allowed, with which it says nothing of this value
-_LOST = 0.02  # fraction of the cells that may become fallback cells,
-_MORE = 1.1  # beside so many times those that there are at one value
+_COMPARED = 64  # random points of the window at which a combined table is compared with the exact map
+_WRONG = 3.0  # a combined table is rejected if its error there exceeds the allowed one by this factor
+_LOST = 0.02  # fraction of the cells that may become fallback cells
+_MORE = 1.1  # factor over the fallback cells at one value, to which that fraction is added
 
 
 @dataclass(frozen=True)
