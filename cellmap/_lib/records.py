@@ -1,4 +1,4 @@
-"""What records have in common: mappings by label, arrays in files, and methods that other rooms carry out.
+"""Common parts of records: mappings by label, arrays in files, and methods that other rooms carry out.
 
 Records stand below the room that knows the optional packages; it is looked up by its name when a method is called.
 """

@@ -1,4 +1,4 @@
-"""What operating systems do differently: locks, room on disks, owners of folders, forks.
+"""Differences of operating systems: locks, room on disks, owners of folders, forks.
 
 Each has a way that Python offers everywhere, for systems without those of POSIX; all else of the library is the same on
 all of them.

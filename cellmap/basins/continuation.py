@@ -159,7 +159,7 @@ def continue_basins(
 
 @dataclass(eq=False)
 class _Done:
-    """What is known of the values that are done."""
+    """Results at the values that are done."""
 
     attractors: list[dict[int, Attractor]] = field(default_factory=list)
     counts: list[dict[int, int]] = field(default_factory=list)
@@ -211,7 +211,7 @@ class _Done:
 
 
 class _Value(NamedTuple):
-    """What was found at a value: attractors and counts by label, and what :class:`BasinContinuation` has of labels."""
+    """Results at one value: attractors and counts by label, and what :class:`BasinContinuation` has of labels."""
 
     attractors: dict[int, Attractor]
     counts: dict[int, int]

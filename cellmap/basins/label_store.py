@@ -22,7 +22,7 @@ from .sweeps import Progress
 HELD = 2**20
 """Active orbits whose states are kept from one sweep to the next; those of more are computed again."""
 
-_HELD_BYTES = 256  # for each of them, while they are put together
+_HELD_BYTES = 256  # bytes for each of these states, while they are put together
 
 
 class LabelStore(ABC):

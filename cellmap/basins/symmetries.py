@@ -24,7 +24,7 @@ from .record import Basins
 Symmetry = Callable[[Floats], Floats]
 
 _PROBES, _SIGNS = 8, "all signs"
-_SAME_FORMULAS, _SAME_IMAGES = 1e-11, 1e-7  # of the sizes of values that a symmetry may change
+_SAME_FORMULAS, _SAME_IMAGES = 1e-11, 1e-7  # relative changes of values by a symmetry that are rounding
 _SAME_POINTS, _SAME_CLOUDS = 1e-5, 0.03  # distances of attractors that are one, in extents of the initial conditions
 
 

@@ -27,7 +27,7 @@ _NOISE = 1e-13  # Fourier coefficients below this part of the largest are roundi
 
 
 class CircleStatus(StrEnum):
-    """What becomes of an invariant circle."""
+    """Fate of an invariant circle."""
 
     SMOOTH = "smooth"
     """A Fourier series satisfies the equation of invariance."""

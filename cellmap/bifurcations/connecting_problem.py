@@ -132,7 +132,7 @@ class ConnectingProblem:
 
 @dataclass(frozen=True, eq=False)
 class TangencyProblem:
-    """The same equations with two parameters, and the condition that both manifolds touch.
+    """Equations of connecting orbits with two parameters and the condition that both manifolds touch.
 
     Where they do, the derivatives by all but the parameters are singular.
     """

@@ -48,7 +48,7 @@ _FORMS = {
 
 
 class Criticality(StrEnum):
-    """What the coefficient of a normal form says of the orbits that are born."""
+    """Stability of the orbits that are born, by the coefficient of a normal form."""
 
     SUPERCRITICAL = "supercritical"
     """The new orbits or curves exist where the old orbit is unstable on the centre manifold, and attract on it."""

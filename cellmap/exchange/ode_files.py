@@ -78,12 +78,12 @@ class OdeFile:
 
 
 class _Refusal(Exception):
-    """What cannot be read of one line."""
+    """A part of one line that cannot be read."""
 
 
 @dataclass
 class _Model:
-    """What the lines of a file say; formulas are text of Python."""
+    """Content of the lines of a file; formulas are text of Python."""
 
     rates: dict[str, str] = field(default_factory=dict)
     fixed: dict[str, str] = field(default_factory=dict)

@@ -18,7 +18,7 @@ Send = Callable[[dict[str, Any], Sequence[bytes]], None]
 
 
 class _Socket:
-    """What a session needs of a connection, over messages of the host."""
+    """Connection of a session, over messages of the host."""
 
     def __init__(self, page: str, send: Send) -> None:
         self.coming: asyncio.Queue[str | None] = asyncio.Queue()

@@ -1,4 +1,4 @@
-"""What can be taken away: a script that computes the image again, and files with the basins."""
+"""Downloads: a script that computes the image again, and files with the basins."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What formulas may consist of, in both notations in which the explorer reads equations."""
+"""Names and operators that formulas may have, in both notations in which the explorer reads equations."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class Images:
 
     @computed_once
     def described(self) -> dict[str, Any]:
-        """What the page has to know of the system."""
+        """Description of the system for the page."""
         return described(self.explored)
 
     def frames(
@@ -112,7 +112,7 @@ class Images:
 
 
 def described(explored: Explored) -> dict[str, Any]:
-    """Return what the page has to know of a system."""
+    """Return the description of a system for the page."""
     system, first, scene = explored.system, View.first(explored), explored.scene
     return {
         "name": explored.name,

@@ -22,7 +22,7 @@ _MOST = 8  # questions that wait for their answers
 
 
 class Jobs:
-    """What a page has asked, and has no answer yet.
+    """Questions of a page that have no answer yet.
 
     Parameters
     ----------

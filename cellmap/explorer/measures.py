@@ -1,4 +1,4 @@
-"""What is computed of a complete image on demand: measures of its boundary, and certificates."""
+"""Analyses of a complete image on demand: measures of its boundary, and certificates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a page may ask about an image, and what it is told of failures."""
+"""Questions that a page may ask about an image, and messages of failures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an image shows: parameters, phase, window, and the map that it is computed with."""
+"""Views of images: parameters, phase, window, and the map that it is computed with."""
 
 from __future__ import annotations
 

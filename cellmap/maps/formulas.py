@@ -1,4 +1,4 @@
-"""What is known of a right-hand side: its formulas, the surfaces on which they change, or why there are none."""
+"""Knowledge of a right-hand side: its formulas, the surfaces on which they change, or why there are none."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is said of a right-hand side that reads its arguments in another way than it is called."""
+"""Error messages for right-hand sides with the wrong signature."""
 
 from __future__ import annotations
 

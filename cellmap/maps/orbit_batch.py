@@ -78,7 +78,7 @@ class Cost:
 
 @dataclass(eq=False)
 class Work:
-    """What was done for a batch of orbits; maps count.  See :class:`Cost`."""
+    """Work that a batch of orbits took; maps count.  See :class:`Cost`."""
 
     evaluations: int = 0
     look_ups: int = 0

@@ -136,7 +136,7 @@ class Stroboscopic(MapSpec[PointMap]):
 
     @computed_once
     def formulas(self) -> Formulas:
-        """What is known of the right-hand side."""
+        """Formulas of the right-hand side, or the reason why there are none."""
         return formulas(self.system)
 
     @computed_once

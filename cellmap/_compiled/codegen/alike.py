@@ -29,9 +29,9 @@ Rows = Sequence[Sequence[int]]
 _ARRAYS = {STATEFUL: VALUES, CONSTANT: ONCE, TIMED: TIMES}
 _ARGUMENTS = ", ".join(f"ptr noalias {name}" for name in (VALUES, SLOPES, ONCE, TIMES))
 _LONGEST = 40  # operations of a piece, about
-_LINES = 400  # of a function, about
+_LINES = 400  # lines of a function, about
 _UNROLLED = 500  # operations, of a piece as often as it occurs, up to which no loop is worth its table
-_COST = 30  # of an elementary function, in operations
+_COST = 30  # cost of an elementary function, in operations
 
 
 @dataclass(frozen=True)

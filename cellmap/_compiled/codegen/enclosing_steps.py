@@ -12,7 +12,7 @@ from .moving_frames import Errors, Frame, Matrix, stretched
 from .picard import a_priori_set
 from .trace import STATEFUL
 
-_DIGITS = 2.0**-44  # of a coordinate: remainders below are as good as none
+_DIGITS = 2.0**-44  # fraction of a coordinate below which remainders are as good as none
 _LEAST = 1e-290
 
 

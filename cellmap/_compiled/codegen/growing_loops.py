@@ -16,9 +16,9 @@ import numpy as np
 from .trace import as_state
 
 _SIZES = (1.0, 1e3, 1e6)
-_MOST_STEPS = 100_000  # of the interpreter: more are counted nowhere, for they would take a second
-_MOST_BYTES = 2**20  # of lists and arrays that a call makes
-_TIMES = 4  # as many as at small states are no growth: a branch may do that
+_MOST_STEPS = 100_000  # steps of the interpreter that are counted: more would take a second
+_MOST_BYTES = 2**20  # bytes of lists and arrays that a call makes
+_TIMES = 4  # factor over the steps at small states that is no growth: a branch may do that
 
 
 class LoopError(TypeError):

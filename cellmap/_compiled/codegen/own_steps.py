@@ -32,9 +32,9 @@ from .rosenbrock import OwnStep, OwnStepOfLane
 NUMBERS = 3
 """Numbers of the context before those of the components."""
 
-_FIRST = 1e-4  # of the period, a step that grows or shrinks soon
+_FIRST = 1e-4  # first step, as a fraction of the period; it grows or shrinks soon
 _HIGHER = 10.0
-_SHORTEST = 1e-15  # of the period
+_SHORTEST = 1e-15  # shortest step, as a fraction of the period
 
 
 def compiled_own_steps(step: OwnStep, dimension: int, parameters: int, quick: bool = False) -> CompiledPeriod:
@@ -44,7 +44,7 @@ def compiled_own_steps(step: OwnStep, dimension: int, parameters: int, quick: bo
 
 @dataclass(frozen=True)
 class _StepControl:
-    """What all lanes of a block share: times, lengths of steps, tolerances, and the part of these for one step."""
+    """Data that all lanes of a block share: times, lengths of steps, tolerances, and the part of these for one step."""
 
     end: Value
     first: Value

@@ -39,7 +39,7 @@ _TOGETHER, _ROWS = 4, 32
 """Blocks that step together, so that what lanes have in common is computed for more of them, and components of all
 these: as many as stay in the first cache."""
 
-NO_LENGTH = 1e-290  # of a vector that has vanished, and has no error
+NO_LENGTH = 1e-290  # length of a vector that has vanished, and has no error
 
 ARGUMENTS = (
     "ptr %context, ptr noalias %x, ptr noalias %steps, double %start, double %period, ptr noalias %p, "

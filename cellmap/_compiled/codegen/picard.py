@@ -13,7 +13,7 @@ from .intervals import Interval, fused, widened
 from .trace import STATEFUL
 
 _TRIALS = 12
-_MORE = 0.2  # of a set that the operator is tried on, beyond its image
+_MORE = 0.2  # fraction by which a set that the operator is tried on exceeds its image
 _LEAST = 1e-290
 
 

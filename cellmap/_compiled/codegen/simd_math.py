@@ -169,7 +169,7 @@ def fmax(x: Value | float, y: Value) -> Value:
     return where(value_of(x) > y, x, y)
 
 
-LARGEST_QUOTIENT = 2.0**53  # up to which a rounded quotient is off by one at most
+LARGEST_QUOTIENT = 2.0**53  # quotient up to which rounding is off by one at most
 
 
 def mod(x: Value, y: Value) -> Value:

@@ -1,4 +1,4 @@
-"""What holds the functions of switches at zero, as expressions: for all switches together, or for those that slide.
+"""Equivalent controls, which hold functions of switches at zero: for all switches together, or for those that slide.
 
 For all together, equations in as many unknowns as there are switches are solved.  No more switches can slide at a time
 than there are coordinates, however: those that slide are put in a first, second, ... place, and the right-hand side is

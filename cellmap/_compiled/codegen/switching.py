@@ -52,9 +52,9 @@ _ARGUMENTS = {
     + ", ".join(f"ptr noalias %{output}" for output in _STRUCK),
 }
 _LARGE = 12_000  # instructions, from which on a function is compiled quickly
-_OF_ONE_STEP = 0.02  # of the tolerance, the error from which on a step is shortened
+_OF_ONE_STEP = 0.02  # error of a step, as a fraction of the tolerance, above which the step is shortened
 _DIGITS = 8
-_FIRST = 2.0**-20  # of a step, the first part where a root has no series
+_FIRST = 2.0**-20  # first part of a step where a root has no series
 
 
 def compiled_switching(
@@ -243,7 +243,7 @@ def _write_step(
 
 @dataclass
 class _Lane:
-    """What a step of a lane begins with, besides its state and mode."""
+    """Input of a step of a lane, besides its state and mode."""
 
     begin: Value
     end: Value
@@ -254,7 +254,7 @@ class _Lane:
 
 @dataclass
 class _Stepped:
-    """What a step of a lane ends with."""
+    """Results of a step of a lane."""
 
     after: Values
     errors: Values

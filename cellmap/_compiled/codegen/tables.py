@@ -20,9 +20,9 @@ MOST_POINTS = 1024
 MOST_KINKS = 20
 """Of a table at distances that differ, for each is a switch."""
 
-_EQUAL = 1e-9  # of the distance, by which distances of equal ones may differ
-_SMOOTH = 1e-9  # of the largest coefficient, by which those on both sides of a knot may differ
-_STRAIGHT = 1e-12  # of the largest slope, by which the slopes on both sides of no kink may differ
+_EQUAL = 1e-9  # relative difference of distances that count as equal
+_SMOOTH = 1e-9  # difference of coefficients on both sides of a knot, relative to the largest, that is no jump
+_STRAIGHT = 1e-12  # difference of slopes on both sides of a knot, relative to the largest, that is no kink
 
 
 class TableError(TypeError):

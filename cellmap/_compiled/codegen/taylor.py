@@ -84,7 +84,7 @@ def taylor_steps(trace: Trace, order: int) -> Step:
 
 
 class Structure:
-    """What the expressions of a step depend on, in the order in which they are expanded.
+    """Dependences of the expressions of a step, in the order in which they are expanded.
 
     ``extra`` expressions are expanded besides those of the trace.  With ``one_clock`` all lanes share the time.
     """

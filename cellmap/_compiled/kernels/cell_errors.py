@@ -91,7 +91,7 @@ def curve(slopes, cells, wraps, begin, end, curved):
 
 
 class Given(NamedTuple):
-    """What is known of a table.
+    """Data of a table.
 
     ``slopes``, and how far they are from straight lines, ``curved`` (rows, cells d^2), ``indicator`` and ``rough``
     (rows, cells) are taken row by row; ``images`` (n, d) are in cells.
@@ -105,7 +105,7 @@ class Given(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """What is found for each cell.
+    """Bounds that are found for each cell.
 
     ``bends[:, 0]`` is the change from a cell to the next, ``bends[:, 1]`` twice the distance from a straight line:
     where a line bends, it may bend more next to the centre.  ``estimates`` are errors of the spline, also in fallback

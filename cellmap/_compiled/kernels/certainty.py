@@ -1,4 +1,4 @@
-"""What an error of a table can do to the labels of cells and of orbits.
+"""Labels of cells and of orbits that an error of a table can change.
 
 Points are given in the units of their coordinates, errors in widths of a cell.  An error is an ellipsoid: its `spread`
 S stands for the deviations e with ``e' inv(S) e <= 1``, so it reaches ``sqrt(S[i, i])`` along axis i.

@@ -94,7 +94,7 @@ class PoolRows(NamedTuple):
 
 
 class LabelledOrbits(NamedTuple):
-    """What becomes of each orbit: state, label, settling time, and the last look before, with the point there.
+    """Outcome of each orbit: state, label, settling time, and the last look before, with the point there.
 
     ``points``, ``rotations``, ``status`` are the orbits' states, at the beginning and at the end; ``residence`` counts
     for each cover the periods inside; ``visits`` (3, n), or empty, are the owner of the ellipsoids in which an orbit

@@ -111,7 +111,7 @@ class Event(NamedTuple):
 
 
 class Jumps(NamedTuple):
-    """What impacts make of a state and a deviation, all surfaces one behind the other.
+    """States and deviations after impacts, all surfaces one behind the other.
 
     These are state and deviation after an impact, and at rest.
     """

@@ -147,7 +147,7 @@ class CompiledMap(NamedTuple):
 
 
 class PeriodWorkspace(NamedTuple):
-    """What is known of orbits in a period, by their numbers or, of those that still need steps, by their places.
+    """Data of orbits in a period, by their numbers or, of those that still need steps, by their places.
 
     By number: ``initial`` points (n, d); ``ratios`` of error to tolerance; ratio and steps of the round ``before``
     (n, 2); images of fewer steps, ``earlier``; ``checks``, whether these are compared; in how many steps what becomes

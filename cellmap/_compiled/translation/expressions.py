@@ -59,7 +59,7 @@ _GIVEN: dict[Any, Any] = {
 
 
 class Expressions:
-    """What expressions become; constants are worked out at once."""
+    """Translation of expressions; constants are worked out at once."""
 
     def __init__(
         self,

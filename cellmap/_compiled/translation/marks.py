@@ -1,4 +1,4 @@
-"""What tells the compiler that a function is written in the language of loops, and codes with which it may end."""
+"""Marks of functions that are written in the language of loops, and codes with which they may end."""
 
 from __future__ import annotations
 

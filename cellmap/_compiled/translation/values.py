@@ -80,7 +80,7 @@ class TypedValue:
 
 @dataclass(frozen=True)
 class Known:
-    """What is known when a loop is compiled: a constant, a function, a module."""
+    """A value that is known when a loop is compiled: a constant, a function, a module."""
 
     value: Any
 

@@ -1,4 +1,4 @@
-"""What a certificate costs next to direct integration of the same labels, by counts of work: the same on any machine.
+"""Cost of a certificate beside direct integration of its labels, by counts of work: equal on any machine.
 
 Costs are in evaluations of the right-hand side.  On two processors one of a Taylor series took 20 to 30 ns.
 """
@@ -23,16 +23,16 @@ _CELL = 22.0  # derivatives, bounds of errors, and owner of a cell
 _ROW = 8.0  # an ellipsoid carried over a period
 _LOOK_UP = 2.5
 _FREE = 3e6  # a tenth of a second, for which nothing is left out
-_CELLS = 0.75  # of what may be spent beyond direct integration: so much may go into the cells of the table in any case
-_DOUBTED = 3.0  # direct integrations, which labels take that the table does not make certain,
-_OTHERS = 0.2  # and others
+_CELLS = 0.75  # fraction of the cost beyond direct integration that may go into the cells of the table in any case
+_DOUBTED = 3.0  # cost of a label that the table does not make certain, in direct integrations of its orbit
+_OTHERS = 0.2  # cost of any other label, in direct integrations of its orbit
 _SAMPLE = 64, 512  # initial conditions that are integrated or certified first, at least and at most
 _SHARE = 64  # one of so many, between these
 
 
 @dataclass(frozen=True)
 class Budget:
-    """What may be spent on a certificate.
+    """Budget of a certificate.
 
     ``direct``: cost of integrating all labels; ``cells``: predicted cost of what is known of the cells of the table;
     ``most``: largest cost of the certificate, in direct integrations; ``doubted``: about the fraction of the labels

@@ -27,7 +27,7 @@ from .table_errors import UNRESOLVED, TableErrors, images_of
 
 SMALLEST = 1e-4  # smallest step of differences where the table has no derivatives, in widths of a cell
 _MOST_CELLS = 4096  # cells that the image of one may touch, if it is to be told by them
-_LESS = 0.4  # of the sum of its slopes, which an image of a cell reaches at least to both sides of its middle
+_LESS = 0.4  # an image reaches this fraction of the sum of its cell's slopes to both sides of its middle at least
 _SAMPLED = 256  # cells that are sampled together
 _FIRST = 1 - int(Label.ESCAPED)  # ends of paths over cells are labels and this, so that they are positive
 

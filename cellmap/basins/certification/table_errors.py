@@ -23,7 +23,7 @@ _CELLS = 4096  # cells whose derivatives are measured together: their images sta
 
 @dataclass(frozen=True, eq=False)
 class TableErrors:
-    """What the table says about errors, in widths of its cells; all arrays are flat.
+    """Error estimates of a table, in widths of its cells; all arrays are flat.
 
     ``slopes`` (n, d, d) derivatives at the centres, ``bends`` (n,) their change over a cell, ``errors`` (n,) of a
     period of the table, ``tolerances`` (n,) of the exact map; ``images`` (n, d) places of the centres' images in cells

@@ -22,7 +22,7 @@ from .cell_owners import exact_within
 
 
 class Search:
-    """What the exact map adds to basins that were found with a table.
+    """Attractors and labels that the exact map adds to basins that were found with a table.
 
     ``basins`` have the labels of the exact map at some starts, the attractors that came up there, and the reasons of
     the orbits that were undecided when last searched; ``told`` (n,) says which these are, and ``tally`` what it took.

@@ -23,7 +23,7 @@ _DECADES = range(-3, 4)
 
 @dataclass(frozen=True)
 class Step:
-    """What an accuracy costs.
+    """Cost of one accuracy: the cheapest method that reaches it.
 
     Parameters
     ----------

@@ -31,8 +31,8 @@ Source = tuple[str, float]
 """Method and tolerance of an exact map."""
 
 _TOLERANCES = (1e-4, 1e-7, 1e-10, 1e-13)
-_LOOSE = (1e-4, 1e-7)  # of RK45, which takes too many steps for more
-_JUMPING = (1e-6, 1e-10)  # of discontinuous right-hand sides, whose kernels take long to compile
+_LOOSE = (1e-4, 1e-7)  # tolerances of RK45, which takes too many steps for finer ones
+_JUMPING = (1e-6, 1e-10)  # tolerances for discontinuous right-hand sides, whose kernels take long to compile
 _BASE = 1e-7  # about the tolerance with which probes are labelled
 _PLACES = 4096  # random places at which errors are measured
 
@@ -188,7 +188,7 @@ def time_labelling(job: Job, point_map: PointMap, count: Callable[[], int]) -> t
     return Labelling(fixed, work), many.periods, max(0.0, images)
 
 
-_MOST_IMAGES = 500_000  # of the first two tables of an order
+_MOST_IMAGES = 500_000  # images of the first two tables of an order, at most
 _FIRST_SIZE = {1: 64, 2: 32, 3: 12}
 _LARGEST_LOOKUPS = 1 << 25  # bytes of the largest table whose look-ups are timed; no cache holds much of it
 _SHOWN = 8  # periods over which evaluations of the exact map are counted

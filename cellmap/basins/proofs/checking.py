@@ -18,13 +18,13 @@ from ...maps.coordinates import turns_of
 from ...maps.interval_witness import Interval, NotEnclosedError, intervals, moved, product, witness
 from .proof import Proof
 
-_HALVINGS = 3  # of a cell, until all its parts are confirmed
-_PARTS = 64  # of a ball's width, boxes in which its contraction is tried
+_HALVINGS = 3  # halvings of a cell until all its parts are confirmed
+_PARTS = 64  # boxes along a ball's width in which its contraction is tried
 
 
 @dataclass(frozen=True)
 class ProofCheck(ShownAsHtml):
-    """What another program found of a proof.
+    """Outcome of checking a proof by another program.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def check(proof: Proof, n_samples: int, rng: Rng) -> ProofCheck:
 
 
 class _Checker:
-    """What is needed to prove a cell again."""
+    """Data from which a cell is proved again."""
 
     def __init__(self, proof: Proof) -> None:
         point_map = proof.basins.point_map

@@ -17,8 +17,8 @@ from ...maps.point_map import PointMap
 from ...orbits.contraction import ContractionBalls, cover_of_ball
 from .orbits_of_sets import on_threads, orbits_of
 
-_LARGEST = 0.5  # of an extent, half-width of a ball
-_FURTHER = 1.5  # times the radius
+_LARGEST = 0.5  # largest half-width of a ball, in extents
+_FURTHER = 1.5  # ratio of the radius of a larger ball to that of the ball inside it
 _PARTS = {1: (128,), 2: (32, 64), 3: (8, 16)}  # boxes along each axis; more where these fail
 _MOST = 1 << 16  # boxes of all balls
 

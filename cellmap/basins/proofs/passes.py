@@ -20,7 +20,7 @@ from .regions import ProvedCells, centres_of
 
 _ROWS = 2**16  # boxes that are enclosed together, for which memory is taken
 _MOST = {1: 64, 2: 40, 3: 160}  # cells that the image of a provable one may meet
-_WIDEST = 0.12  # of the region, half-width of a set that is followed
+_WIDEST = 0.12  # largest half-width of a set that is followed, in extents of the region
 
 
 @dataclass(frozen=True, eq=False)

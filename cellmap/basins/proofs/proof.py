@@ -30,7 +30,7 @@ from .regions import ProvedCells, Region, in_figures
 
 @dataclass(frozen=True, eq=False)
 class Proof(ShownAsHtml, ConvertsToXarray):
-    """What is proved of basins: every point of a proved cell converges to the attractor of its label.
+    """Proof of basins: every point of a proved cell converges to the attractor of its label.
 
     The statement is about the map whose formulas and parameters are the double-precision numbers given, or all numbers
     of the intervals in `parameters`.  It rests on IEEE arithmetic, the compiler and this library, not on a tolerance.

@@ -29,7 +29,7 @@ from .passes import Machine
 from .proof import Proof
 from .regions import ProvedCells, alike, centres_of, extremes, region_of
 
-_PLACES = 16  # where the periods of angles are checked
+_PLACES = 16  # places where the periods of angles are checked
 _APART, _AT_LAST = 4, 12  # steps between settling times of neighbours, beyond which a proof is not tried
 _PROVABLE = (Kind.FIXED_POINT, Kind.PERIODIC, Kind.ROTATING)
 _BYTES = 60  # a cell: its label and rank with those of the level before, and the list of the cells that its image meets

@@ -20,7 +20,7 @@ from ...maps.point_map import PointMap
 _SAMPLE = 4096  # orbits that show how far images of the window reach
 _PERIODS = 32
 _REACHED = 0.998  # fraction of their points that the region shall hold
-_WIDEST = 0.5  # of the window, that a region may reach beyond it on each side
+_WIDEST = 0.5  # distance that a region may reach beyond the window on each side, in widths of it
 _ULPS = 16.0  # half units in the last place of what is near, by which cells beside the branch cut overlap
 
 
