@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._lib.arrays import Floats, Ints
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import affordable_number, warn_caller, whole_number
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
@@ -21,7 +22,7 @@ from ..maps.small_states import warn_of_small_states_ahead
 from ..orbits.attractor import Attractor, sort_key
 from .given import check_attractors
 from .kinds import continua, creeping, cycles, equilibria, quasiperiodic
-from .kinds.chaos import Examination, examine
+from .kinds.chaos import examine
 from .kinds.continua import joined_continua
 from .kinds.cycles import LOOKED_AT
 from .kinds.ends import MATURE, Ends
@@ -29,9 +30,10 @@ from .kinds.examined import Examined
 from .kinds.limit_cycles import cycles_ahead
 from .kinds.transients import REMEDIES, Late, Reason, UnsettledWarning, regular
 from .labels import Label, label_names
+from .regions.extents import region_extent
 from .regions.trapping_boxes import is_trapped
 from .settling.escape import far_bound
-from .settling.quotients import quotient_of
+from .settling.quotients import Quotient, quotient_of
 from .settling.residence import with_full_residence
 from .settling.settle import Catalogue, settle, settle_on_threads, without_escaped
 from .shortcuts.surrogate import only_attractor
@@ -121,122 +123,189 @@ def find_attractors(
     longest_period = affordable_period(longest_period)
     warn_of_small_states_ahead(point_map, states)
     with linear_algebra_on_one_thread(point_map.dimension):
-        quotient = quotient_of(point_map, states)
-        if quotient is None:
-            found, reasons, labels = _found_by_all(point_map, states, attractors, max_periods, longest_period)
-        else:
-            known = [quotient.lowered(a) for a in attractors]
-            places = quotient.projected(states)
-            found, reasons, labels = _found_by_all(quotient.point_map, places, known, max_periods, longest_period)
-            found = [quotient.lifted(a, point_map) for a in found]
-    if not found:
-        warn_caller(_nothing_found(point_map, labels, reasons, max_periods), UnsettledWarning)
-    ordered = tuple(sorted(found, key=sort_key))
+        search = Search.begun(point_map, states, states, longest_period)
+        found = search.by_sample(states, with_full_residence(attractors), max_periods)
+        ordered = tuple(sorted(joined_continua(point_map, found.attractors)[0], key=sort_key))
+    if not ordered:
+        warn_caller(_nothing_found(point_map, found, max_periods), UnsettledWarning)
     if repeated := warning_of_translates(ordered, point_map):
         warn_caller(repeated)
     return ordered
 
 
-def _found_by_all(
-    point_map: PointMap, states: Floats, known: Sequence[Attractor], max_periods: int, longest_period: int
-) -> tuple[list[Attractor], Sequence[Reason], Ints]:
-    """Return the attractors that orbits of some states come to, why others do not, and labels of all."""
-    examined = Examined.of_region(point_map, states, states)
-    found = search(point_map, states, with_full_residence(known), max_periods, longest_period, examined)
-    attractors, reasons = found.attractors, tuple[Reason, ...]()
-    if len(found.orbits):
-        examination = found.examined(point_map, states, examined.extent)
-        attractors, reasons = [*attractors, *examination.attractors], examination.reasons
-    return list(joined_continua(point_map, attractors)[0]), reasons, found.labels
+class Found(NamedTuple):
+    """Attractors that are known, and those that a search has found after them.
 
-
-@dataclass(frozen=True, eq=False)
-class Searched:
-    """What has become of the orbits of some initial conditions.
-
-    ``orbits``: those that are left, ``age``: their age; ``attractors``: those known and found; ``labels``, ``times``:
-    on which attractor each initial condition ends, and in which period it came there at the latest; ``untrapped``:
-    whether orbits that are left are on a chaotic set around which no boxes are trapped.
+    ``labels``, ``times`` (n,): on which of them each of some orbits ends, and in which period it came there at the
+    latest; ``reasons``: why some of those that are on none are undecided.
     """
 
-    orbits: Orbits
-    attractors: list[Attractor]
-    age: int
+    attractors: Sequence[Attractor]
     labels: Ints
     times: Ints
-    untrapped: bool = False
-
-    def examined(self, point_map: PointMap, states: Floats, extent: Floats) -> Examination:
-        """Look for chaotic attractors on which the orbits that are left move."""
-        late = _late(point_map, states, self.labels, self.times, self.attractors)
-        return examine(
-            point_map, self.orbits.points, extent, self.attractors, self.age, late, trapped=not self.untrapped
-        )
+    reasons: Sequence[Reason] = ()
 
 
-def _late(point_map: PointMap, states: Floats, labels: Ints, times: Ints, attractors: Sequence[Attractor]) -> Late:
-    """Return those of some initial conditions that came last to attractors that are not chaotic."""
-    rows = Late.latest(np.where(regular(labels, attractors), times, -1))
-    return Late(wrap(states[rows], point_map.coordinates), times[rows])
+@dataclass(eq=False)
+class Search:
+    """A search for the attractors of a map, and what has been tried in it.
 
-
-def search(
-    point_map: PointMap,
-    states: Floats,
-    known: Sequence[Attractor],
-    max_periods: int,
-    longest_period: int,
-    examined: Examined,
-    stop: Stop | None = None,
-    horizon: int = 0,
-) -> Searched:
-    """Follow orbits and find attractors, but no chaotic ones, unless all orbits that are left seem to be on one.
-
-    ``horizon``: periods after which orbits would be seen not to be, where these are more than are followed here.
+    Where the map ``of`` commutes with shifts of all states it is made in the ``quotient`` that is left without them, in
+    which ``point_map`` moves, and to which ``examined`` belongs.  States and attractors that are handed in and returned
+    are those of the map.  ``sampled``: what is tried for a sample.
     """
-    extent = examined.extent
-    attractors = [*known, *cycles_ahead(point_map, states, extent, known, examined.afford)]
-    orbits = Orbits.starting(wrap(states, point_map.coordinates))
-    rows, labels, times = np.arange(len(states)), np.full(len(states), Label.UNDECIDED), np.full(len(states), -1)
-    age, time_limit, wandering, untrapped = 0, _FIRST_LOOK, False, False
-    past = far_bound(point_map, states)
-    while len(orbits):
-        examined.so_far = attractors, labels, times
-        before = len(orbits)
-        catalogue, periods = Catalogue.of(attractors, point_map), min(time_limit, max_periods - age)
-        settled = settle_on_threads(point_map, orbits, catalogue, periods, age, stop, examined.bound)
-        escaped = without_escaped(point_map, settled, past, age + periods)
-        if escaped is not settled:
-            settled, examined.bound = escaped, past
-        labels[rows], times[rows] = settled.labels, settled.times
-        rows, orbits, last = rows[settled.undecided], settled.orbits, age + time_limit >= max_periods
-        age, time_limit = min(age + time_limit, max_periods), 2 * age if age else time_limit
-        if last or not _many_settle(before, len(orbits)):
-            known_to_wander = wandering
-            if point_map.is_flow and age >= MATURE and (last if wandering else len(rows) >= FEWEST):
-                wandering = are_chaotic(point_map, orbits.points, extent)
-            ends = Ends(point_map, orbits.points, age, attractors, examined, longest_period, not last, last, wandering)
-            orbits, attractors, owners = sort_out(ends, orbits)
-            labels[rows], times[rows] = owners, np.where(owners >= 0, age, -1)
+
+    of: PointMap
+    point_map: PointMap
+    quotient: Quotient | None
+    examined: Examined
+    longest_period: int
+    sampled: Examined | None = None
+
+    @classmethod
+    def begun(cls, point_map: PointMap, region: Floats, states: Floats, longest_period: int) -> Search:
+        """Begin a search in a region, shown by some of its points, from some states (n, dimension)."""
+        quotient, inner = quotient_of(point_map, states), point_map
+        if quotient is not None:
+            inner, states = quotient.point_map, quotient.projected(states)
+            region = states
+        return cls(point_map, inner, quotient, Examined.of_region(inner, region, states), longest_period)
+
+    def by_sample(
+        self,
+        states: Floats,
+        known: Sequence[Attractor],
+        max_periods: int,
+        stop: Stop | None = None,
+        horizon: int = 0,
+        to_the_end: bool = True,
+    ) -> Found:
+        """Return the attractors to which orbits of some states (n, dimension) come.
+
+        ``horizon``: periods after which orbits would be seen to be on no chaotic attractor, where these are more than
+        are followed here; ``to_the_end``: whether orbits that are left are tested for being on one.
+        """
+        places, examined = self._places(states), self.examined
+        own = region_extent(self.point_map, places, examined.ways)
+        if not np.array_equal(own, examined.extent):
+            fresh = Examined.nothing_yet(self.point_map, own)
+            examined = replace(fresh, ways=examined.ways, images=examined.images, bound=examined.bound)
+        self.sampled = examined
+        limits = max_periods, max(horizon, max_periods)
+        found = self._followed(places, self._lowered(known), examined, *limits, to_the_end, stop)
+        self.examined.bound = examined.bound
+        return found._replace(attractors=self._with(known, found.attractors))
+
+    def so_far(self, known: Sequence[Attractor]) -> Found | None:
+        """Return what a sample that was interrupted has led to."""
+        if self.sampled is None or self.sampled.so_far is None:
+            return None
+        attractors, labels, times = self.sampled.so_far
+        more = [a for a in self.sampled.verified if all(a is not b for b in attractors)]
+        return Found(self._with(known, [*attractors, *more]), labels, times)
+
+    def among(
+        self, orbits: Orbits, known: Sequence[Attractor], age: int, last: bool, late: Callable[[Bools], Late]
+    ) -> tuple[tuple[Attractor, ...], Sequence[Reason]]:
+        """Return the attractors known and those on which some orbits of an age are; why others are undecided at last.
+
+        ``late``: returns the initial conditions of orbits that came last to an attractor that is not chaotic, once it
+        is known which of these orbits have.
+        """
+        states = orbits if self.quotient is None else self.quotient.of_orbits(orbits)
+        ends = Ends(
+            self.point_map, states.points, age, self._lowered(known), self.examined, self.longest_period, last=last
+        )
+        rest, attractors, owners = sort_out(ends, states)
+        reasons: Sequence[Reason] = ()
+        if last and len(rest):
+            came = late(owners != Label.UNDECIDED)
+            came = replace(came, points=self._places(came.points))
+            left = replace(ends, points=rest.points, known=attractors)
+            strange, reasons = examine(left, came)
+            attractors = [*attractors, *strange]
+        return self._with(known, attractors), reasons
+
+    def _places(self, states: Floats) -> Floats:
+        return states if self.quotient is None else self.quotient.projected(states)
+
+    def _lowered(self, known: Sequence[Attractor]) -> list[Attractor]:
+        return list(known) if self.quotient is None else [self.quotient.lowered(a) for a in known]
+
+    def _with(self, known: Sequence[Attractor], found: Sequence[Attractor]) -> tuple[Attractor, ...]:
+        """Return attractors that are known, and those that were found after them as attractors of the map."""
+        q, fresh = self.quotient, found[len(known) :]
+        return (*known, *(fresh if q is None else (q.lifted(a, self.of) for a in fresh)))
+
+    def _followed(
+        self,
+        states: Floats,
+        known: Sequence[Attractor],
+        examined: Examined,
+        max_periods: int,
+        horizon: int,
+        to_the_end: bool,
+        stop: Stop | None,
+    ) -> Found:
+        """Follow orbits, and look again and again for attractors by those that have not settled.
+
+        Chaotic ones are found where all orbits that are left seem to be on one, and at the end.
+        """
+        point_map = self.point_map
+        attractors = [*known, *cycles_ahead(point_map, states, examined.extent, known, examined.afford)]
+        orbits = Orbits.starting(wrap(states, point_map.coordinates))
+        rows, labels, times = np.arange(len(states)), np.full(len(states), Label.UNDECIDED), np.full(len(states), -1)
+        age, time_limit, wandering, untrapped = 0, _FIRST_LOOK, False, False
+        past = far_bound(point_map, states)
+
+        def late() -> Late:
+            """Those that came last to attractors that are not chaotic."""
+            chosen = Late.latest(np.where(regular(labels, attractors), times, -1))
+            return Late(wrap(states[chosen], point_map.coordinates), times[chosen])
+
+        while len(orbits):
             examined.so_far = attractors, labels, times
-            rows = rows[owners == Label.UNDECIDED]
-            if wandering and not known_to_wander and len(rows) >= FEWEST:
-                late = _late(point_map, states, labels, times, attractors)
-                only = only_attractor(
-                    point_map, orbits.points, extent, attractors, late, age, max(max_periods, horizon)
+            before = len(orbits)
+            catalogue, periods = Catalogue.of(attractors, point_map), min(time_limit, max_periods - age)
+            settled = settle_on_threads(point_map, orbits, catalogue, periods, age, stop, examined.bound)
+            escaped = without_escaped(point_map, settled, past, age + periods)
+            if escaped is not settled:
+                settled, examined.bound = escaped, past
+            labels[rows], times[rows] = settled.labels, settled.times
+            rows, orbits, last = rows[settled.undecided], settled.orbits, age + time_limit >= max_periods
+            age, time_limit = min(age + time_limit, max_periods), 2 * age if age else time_limit
+            if last or not _many_settle(before, len(orbits)):
+                known_to_wander = wandering
+                if point_map.is_flow and age >= MATURE and (last if wandering else len(rows) >= FEWEST):
+                    wandering = are_chaotic(point_map, orbits.points, examined.extent)
+                ends = Ends(
+                    point_map, orbits.points, age, attractors, examined, self.longest_period, not last, last, wandering
                 )
-                untrapped = only is not None and not is_trapped(only)
-                attractors += [] if only is None or untrapped else [only]
-            if wandering and age >= _WANDERING and not last and len(rows) >= FEWEST:
-                kept = representatives(point_map, orbits.points, extent)
-                rows, orbits = rows[kept], orbits[kept]
-        if last:
-            break
-    return Searched(orbits, attractors, age, labels, times, untrapped)
+                orbits, attractors, owners = sort_out(ends, orbits)
+                ends = replace(ends, points=orbits.points, known=attractors)
+                labels[rows], times[rows] = owners, np.where(owners >= 0, age, -1)
+                examined.so_far = attractors, labels, times
+                rows = rows[owners == Label.UNDECIDED]
+                if wandering and not known_to_wander and len(rows) >= FEWEST:
+                    only = only_attractor(ends, late(), horizon)
+                    untrapped = only is not None and not is_trapped(only)
+                    attractors += [] if only is None or untrapped else [only]
+                if wandering and age >= _WANDERING and not last and len(rows) >= FEWEST:
+                    kept = representatives(point_map, orbits.points, examined.extent)
+                    rows, orbits = rows[kept], orbits[kept]
+            if last:
+                break
+        reasons: Sequence[Reason] = ()
+        if to_the_end and len(orbits):
+            ends = Ends(point_map, orbits.points, age, attractors, examined, self.longest_period)
+            strange, reasons = examine(ends, late(), trapped=not untrapped)
+            attractors = [*attractors, *strange]
+        return Found(attractors, labels, times, reasons)
 
 
-def _nothing_found(point_map: PointMap, labels: Ints, reasons: Sequence[Reason], max_periods: int) -> str:
+def _nothing_found(point_map: PointMap, found: Found, max_periods: int) -> str:
     """Tell why orbits came to no attractor: how they ended, and why those that did not are undecided."""
+    labels, reasons = found.labels, found.reasons
     ended = [
         f"{np.count_nonzero(labels == k)} {name}"
         for k, name in label_names(point_map.ends).items()

@@ -13,21 +13,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._lib.arrays import Floats, Ints
+from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import claim_memory, warn_caller
 from .._lib.records import Keyed
 from .._lib.stopping import Stop, Stopped, heeding
 from .._lib.threads import linear_algebra_on_one_thread, slices
 from .._lib.tiles import completed
-from ..attractors.kinds.chaos import examine
 from ..attractors.kinds.continua import joined_continua
-from ..attractors.kinds.ends import ORBITS, Ends
+from ..attractors.kinds.ends import ORBITS
 from ..attractors.kinds.examined import Examined
 from ..attractors.kinds.transients import ENDURANCE, MORE, REMEDIES, Late, Reason, regular
 from ..attractors.labels import LABEL_NAMES, Label, label_type
-from ..attractors.regions.extents import region_extent
-from ..attractors.search import MAX_PERIODS, search, sort_out
-from ..attractors.settling.quotients import Quotient, quotient_of
+from ..attractors.search import MAX_PERIODS, Found, Search
 from ..attractors.settling.residence import OBSERVED, unobserved, with_full_residence, with_residence
 from ..attractors.settling.settle import Settled
 from ..maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits, Status, Tally
@@ -78,9 +75,9 @@ class Run:
     reasons: tuple[Reason, ...] = ()
     complete: bool = False
     spent: list[float] = field(default_factory=list)
-    quotient: Quotient | None = None
+    search: Search | None = None
     searching: bool = True
-    searched: tuple[tuple[Attractor, ...], Ints, Ints] | None = None
+    searched: Found | None = None
 
     @property
     def limit(self) -> int:
@@ -118,9 +115,10 @@ class Run:
                 ToleranceWarning,
             )
         store = self.store if self.complete else self.store.cut_short(self.now)
-        found, stage = () if self.now is None else self.now.attractors, "while initial conditions were labelled"
+        found: Sequence[Attractor] = () if self.now is None else self.now.attractors
+        stage = "while initial conditions were labelled"
         if self.searched is not None:
-            found, labels, times = self.searched
+            found, labels, times, _ = self.searched
             rows = _sample_of(total)
             store.labels[rows], store.times[rows] = np.where(labels == Label.UNDECIDED, Label.UNLABELLED, labels), times
             stage = f"in the search for attractors, with {len(found)} found"
@@ -175,23 +173,21 @@ class Run:
         known = list(with_full_residence(given))  # what other orbits have shown says nothing of these
         total = len(self.initial_conditions)
         chosen = self.initial_conditions.wrapped(_sample_of(total), self.point_map)
-        grid, self.quotient = self.initial_conditions.grid, quotient_of(self.point_map, chosen)
-        corners = chosen if grid is None or self.quotient is not None else self.initial_conditions.region
-        searched = self._in_quotient(known)[0]
-        corners, chosen = self._places(corners), self._places(chosen)
-        examined = Examined.of_region(searched, corners, chosen)
-        now = self.store.resume(examined)
+        region = chosen if self.initial_conditions.grid is None else self.initial_conditions.region
+        self.search = search = Search.begun(self.point_map, region, chosen, self.longest_period)
+        now = self.store.resume(search.examined)
         if now is None:
             small = self.client is None and isinstance(self.store, InMemory)
             size, time_limit = _tile_size(total, self.point_map) if small else CHUNK, min(_PATIENCE, self.limit)
-            now = Progress(tuple(known), examined, Rows(total), (), time_limit, size=size)
+            now = Progress(tuple(known), search.examined, Rows(total), (), time_limit, size=size)
             if self.order and known and all(a.verified for a in known):
                 # What these attractors attract is attracted by them whatever else is found.
                 yield from self._first_look(now, self.order[: self.first])
             tiles = _joined_tiles(self.order) or None
-            found = self._search(chosen, known, total > _SAMPLE, examined)
+            found = self._sampled(chosen, known, total > _SAMPLE)
             now = replace(now, attractors=self._observed(found, len(found)), tiles=tiles)
             self.store.begin(now)
+        search.examined = now.examined
         states: Orbits | None = None
         while True:
             self.now = now
@@ -209,7 +205,7 @@ class Run:
             missed = round(len(left) * float(np.mean(states.status == Status.INACCURATE)))
             with heeding(self.stop):
                 attractors, reasons = self._find_more(now, left, states)
-            self.reasons = reasons
+            self.reasons = tuple(reasons)
             following = self._following(now, left, self._observed(attractors, len(now.attractors)))
             if following is None:
                 self.now = replace(now, tally=now.tally.plus(Tally(inaccurate=missed)))
@@ -236,43 +232,16 @@ class Run:
         ends = np.cumsum([len(group) for group in groups]).tolist()
         yield from self._label(now, None, ends)
 
-    def _in_quotient(self, known: Sequence[Attractor]) -> tuple[PointMap, list[Attractor]]:
-        """Return the map that attractors are searched for in, that of what is left without shifts, and those known."""
-        q = self.quotient
-        return (self.point_map, list(known)) if q is None else (q.point_map, [q.lowered(a) for a in known])
-
-    def _places(self, states: Floats) -> Floats:
-        """Return the places of states in the space of that map."""
-        return states if self.quotient is None else self.quotient.projected(states)
-
-    def _all(self, known: Sequence[Attractor], found: Sequence[Attractor]) -> tuple[Attractor, ...]:
-        """Return attractors that are known, and those that were found after them as attractors of the map."""
-        q, fresh = self.quotient, found[len(known) :]
-        return (*known, *(fresh if q is None else (q.lifted(a, self.point_map) for a in fresh)))
-
-    def _search(
-        self, chosen: Floats, known: list[Attractor], to_the_end: bool, examined: Examined
-    ) -> tuple[Attractor, ...]:
+    def _sampled(self, chosen: Floats, known: Sequence[Attractor], to_the_end: bool) -> tuple[Attractor, ...]:
         """Find attractors from a sample; where that is complete, slow orbits are left to labelling."""
-        (point_map, given), whole = self._in_quotient(known), examined
-        own = region_extent(point_map, chosen, examined.ways)
-        if not np.array_equal(own, examined.extent):
-            fresh = Examined.nothing_yet(point_map, own)
-            examined = replace(fresh, ways=whole.ways, images=whole.images, bound=whole.bound)
+        assert self.search is not None
         periods = self.limit if to_the_end else min(_PATIENCE, self.limit)
         try:
             with heeding(self.stop):
-                found = search(point_map, chosen, given, periods, self.longest_period, examined, self.stop, self.limit)
-                whole.bound = examined.bound
-                if not to_the_end or not len(found.orbits):
-                    return self._all(known, found.attractors)
-                strange = found.examined(point_map, chosen, own).attractors
-                return self._all(known, [*found.attractors, *strange])
+                found = self.search.by_sample(chosen, known, periods, self.stop, self.limit, to_the_end)
+                return tuple(found.attractors)
         except Stopped:
-            if examined.so_far is not None:
-                attractors, labels, times = examined.so_far
-                attractors = attractors + [a for a in examined.verified if all(a is not b for b in attractors)]
-                self.searched = self._all(known, attractors), labels, times
+            self.searched = self.search.so_far(known)
             raise
 
     def _observed(self, attractors: tuple[Attractor, ...], before: int) -> tuple[Attractor, ...]:
@@ -330,7 +299,7 @@ class Run:
         """Yield what becomes of tiles as they are completed."""
         stop = self.stop if self.client is None else None
         until = now.restart_times, now.time_limit, now.time_limit >= self.limit
-        bound = None if self.quotient is not None else now.examined.bound
+        bound = None if self.search is not None and self.search.quotient is not None else now.examined.bound
         work = LabellingTask(self.point_map, self.initial_conditions, now.attractors, *until, stop, bound)
         bar = f"basins of {self.point_map.name}" if self.progress else None
         return completed(tiles, batch, work, self.client, bar)
@@ -364,20 +333,14 @@ class Run:
             return False
         return max(left, ENDURANCE * ORBITS) * now.time_limit <= _FURTHER * now.tally.steps
 
-    def _find_more(self, now: Progress, left: Rows, states: Orbits) -> tuple[tuple[Attractor, ...], tuple[Reason, ...]]:
+    def _find_more(self, now: Progress, left: Rows, states: Orbits) -> tuple[tuple[Attractor, ...], Sequence[Reason]]:
         """Search the active orbits for further attractors; return all, and why the last sweep leaves orbits."""
-        age = now.time_limit
-        last, (point_map, known) = age >= self.limit, self._in_quotient(now.attractors)
-        states = states if self.quotient is None else self.quotient.of_orbits(states)
-        ends = Ends(point_map, states.points, age, known, now.examined, self.longest_period, last=last)
-        rest, attractors, owners = sort_out(ends, states)
-        if not last or not len(rest):
-            return self._all(now.attractors, attractors), ()
-        rows = np.concatenate(list(left.spread(len(states))))
-        late = self._late(now, rows[owners != Label.UNDECIDED])
-        late = replace(late, points=self._places(late.points))
-        examination = examine(point_map, rest.points, now.examined.extent, attractors, age, late)
-        return self._all(now.attractors, [*attractors, *examination.attractors]), examination.reasons
+        assert self.search is not None
+
+        def late(came: Bools) -> Late:
+            return self._late(now, np.concatenate(list(left.spread(len(came))))[came])
+
+        return self.search.among(states, now.attractors, now.time_limit, now.time_limit >= self.limit, late)
 
     def _late(self, now: Progress, rows: Ints) -> Late:
         """Return the initial conditions that came last to attractors that are not chaotic; rows are those come now."""

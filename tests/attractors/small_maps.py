@@ -5,6 +5,8 @@ from math import pi, sin
 import numpy as np
 
 from cellmap import Attractor, CellGrid, PointMap, angle, discrete_map
+from cellmap.attractors.kinds.ends import Ends
+from cellmap.attractors.kinds.examined import Examined
 from cellmap.maps.coordinates import difference
 
 
@@ -31,6 +33,11 @@ def grid_of(lower, upper, n=20) -> np.ndarray:
 
 CIRCLE = np.linspace(-pi, pi, 30, endpoint=False)[:, None] + 0.01
 LINE = np.linspace(0.03, 0.97, 30)[:, None]
+
+
+def ends_of(point_map: PointMap, points: np.ndarray, age: int = 0) -> Ends:
+    """Ends of orbits where nothing is known yet, in a region of size 1."""
+    return Ends(point_map, points, age, (), Examined.nothing_yet(point_map, np.ones(point_map.dimension)), 1)
 
 
 def points_inside(a: Attractor, number: int, seed: int = 0) -> np.ndarray:

@@ -5,6 +5,7 @@ from math import exp, log, pi, sin, sqrt
 
 import numpy as np
 import pytest
+from small_maps import ends_of
 
 import systems
 from cellmap import CellGrid, Label, angle, discrete_map, find_basins, stroboscopic_map
@@ -82,7 +83,9 @@ def test_chaotic_pendulum(pendulum):
 
 def test_cover_holds_the_attractor_for_ever():
     henon = systems.henon_map()
-    (a,) = examine(henon, henon.iterate(np.zeros((32, 2)) + 0.01 * np.arange(32)[:, None], 500).points).attractors
+    (a,) = examine(
+        ends_of(henon, henon.iterate(np.zeros((32, 2)) + 0.01 * np.arange(32)[:, None], 500).points)
+    ).attractors
     initial_conditions = henon.iterate(np.linspace(0.0, 0.2, 20)[:, None] * [1.0, 1.0], 100).points
     later = henon.orbit(initial_conditions, 5_000).points.reshape(-1, 2)
     assert inside_cover(a.cover, later, henon).mean() > 0.9999
@@ -181,7 +184,7 @@ def test_the_sign_of_a_small_exponent_is_known_after_more_periods() -> None:
     states = patches.iterate(states, 2000).points
     states = states[states[:, 1] > 10.0]
     assert (exponents_of(patches, states, np.ones(4), 300)[1] != Reason.TRANSIENT).mean() > 0.5
-    (weak,) = examine(patches, states, age=2000).attractors
+    (weak,) = examine(ends_of(patches, states, 2000)).attractors
     assert weak.exponents[0] == pytest.approx(0.0166, rel=0.2)  # five standard errors are less
 
 
@@ -233,7 +236,7 @@ def only(a: float, periods: int):
     point_map = FOLD.with_params(a=a)
     begin = np.random.default_rng(0).uniform((0.2, -1e-3), (0.9, 1e-3), (1024, 2))
     points = point_map.iterate(begin, 64).points
-    return only_attractor(point_map, points, np.ones(2), [], NONE_LATE, 64, periods)
+    return only_attractor(ends_of(point_map, points, 64), NONE_LATE, periods)
 
 
 def test_cycle_inside_of_chaos_is_seen_by_the_surrogate():

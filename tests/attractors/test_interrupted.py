@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_maps import ends_of
 
 from cellmap import PointMap, angle, discrete_map, find_attractors
 from cellmap._lib.stopping import Stop, Stopped, heeding
@@ -38,8 +39,8 @@ def interrupted(point_map: PointMap, stop: Stop, after: int) -> tuple[PointMap, 
 WORK: dict[str, tuple[PointMap, Callable[[PointMap], Any], int]] = {
     "orbit before the fit": (CIRCLE, lambda m: quasiperiodic_attractors(m, POINTS, EXTENT, 10**7), 2),
     "orbit that is fitted": (CIRCLE, lambda m: quasiperiodic_attractors(m, POINTS, EXTENT, 64), 100),
-    "returns of chaotic orbits": (HENON, lambda m: examine(m, POINTS, age=64), 100),
-    "sample of a chaotic attractor": (HENON, lambda m: examine(m, POINTS, age=64), 600),
+    "returns of chaotic orbits": (HENON, lambda m: examine(ends_of(m, POINTS, 64)), 100),
+    "sample of a chaotic attractor": (HENON, lambda m: examine(ends_of(m, POINTS, 64)), 600),
     "returns of ends": (HENON, lambda m: find_attractors(m, POINTS), 20),
 }
 

@@ -4,7 +4,7 @@ from math import cos, pi, sin, sqrt
 
 import numpy as np
 import pytest
-from small_maps import CIRCLE, LINE, circle, grid_of, logistic
+from small_maps import CIRCLE, LINE, circle, ends_of, grid_of, logistic
 
 import systems
 from cellmap import CellGrid, PointMap, angle, discrete_map, find_attractors, find_basins, stroboscopic_map
@@ -191,7 +191,7 @@ def test_basins_name_what_escapes_later():
 def test_an_unstable_fixed_point_keeps_its_reason_among_chaotic_orbits():
     """1 - 1/r of the logistic map at r = 3.9."""
     chaotic = logistic(3.9).iterate(np.linspace(0.2, 0.4, 10)[:, None], 200).points
-    found = examine(logistic(3.9), np.vstack([chaotic, [[1 - 1 / 3.9]]]), age=100)
+    found = examine(ends_of(logistic(3.9), np.vstack([chaotic, [[1 - 1 / 3.9]]]), 100))
     assert len(found.attractors) == 1
     assert found.reasons == (Reason.PERIODIC,)
 
@@ -240,7 +240,12 @@ def test_attractors_of_another_map_are_refused_by_one_image():
 
 @pytest.mark.parametrize("untrapped", [True, False])
 def test_trapped_boxes_are_looked_for_once(monkeypatch, untrapped):
-    monkeypatch.setattr(search, "examine", lambda *_, trapped: trapped)
-    orbits, none = Orbits.starting(np.array([[0.5]])), np.array([-1])
-    searched = search.Searched(orbits, [], 300, none, none, untrapped)
-    assert searched.examined(logistic(3.9), np.array([[0.5]]), np.ones(1)) is not untrapped
+    """By the one that looks for the attractor of many chaotic orbits early, or by the examination at the end."""
+    asked = list[bool]()
+    chaotic = find_attractors(logistic(3.9), LINE)[0]
+    monkeypatch.setattr(search, "only_attractor", lambda *_: chaotic if untrapped else None)
+    monkeypatch.setattr(search, "are_chaotic", lambda *_: True)
+    monkeypatch.setattr(search, "examine", lambda *_, trapped: (asked.append(trapped) or [], []))
+    swinging = stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.55, 0.05))
+    find_attractors(swinging, np.random.default_rng(0).uniform(-1.0, 1.0, (600, 2)), max_periods=64)
+    assert asked == [not untrapped]

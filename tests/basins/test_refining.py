@@ -14,6 +14,7 @@ import pytest
 from known_basins import CONSERVATIVE, RUNS, WINDOW, assert_same, duffing
 
 from cellmap import CellGrid, Label, find_basins, interpolated_map, load_basins, set_threads
+from cellmap.attractors.search import Search
 from cellmap.basins import refine_basins
 from cellmap.basins.strides import strided_tiles
 
@@ -68,7 +69,7 @@ def test_a_map_with_known_attractors_is_drawn_before_others_are_sought(monkeypat
         sought.append(len(given))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cellmap.basins.run.search", seeking)
+    monkeypatch.setattr(Search, "by_sample", seeking)
     frames = refine_basins(duffing(), WINDOW, attractors=whole.attractors)
     first = next(frames)
     assert first.stride == 8

@@ -1,11 +1,13 @@
 """Basins come to an end: known chaotic attractors are recognised, sweeps are bounded, undecided orbits have reasons."""
 
 import warnings
+from dataclasses import replace
 from math import cos, cosh, exp, pi, sin, sinh, sqrt
 
 import numpy as np
 import pytest
 from known_basins import assert_same
+from small_maps import ends_of
 
 import systems
 from cellmap import (
@@ -18,12 +20,13 @@ from cellmap import (
     load_basins,
     save_basins,
 )
+from cellmap.attractors import search
 from cellmap.attractors.kinds import chaos
 from cellmap.attractors.kinds.chaos import examine
 from cellmap.attractors.kinds.equilibria import sticking_sets
 from cellmap.attractors.kinds.transients import Reason
 from cellmap.attractors.regions.boxes import RESIDENCE
-from cellmap.basins import UnsettledWarning, recompute_basins, refine_basins, run
+from cellmap.basins import UnsettledWarning, recompute_basins, refine_basins
 from cellmap.basins.run import _REPEATS, Run
 from cellmap.orbits import Kind
 
@@ -105,12 +108,8 @@ def test_chaotic_transients_to_known_chaotic_attractors_are_no_attractors(sweeps
 
 def test_sweeps_are_bounded_whatever_is_found(sweeps, monkeypatch) -> None:
     """A search that claims a new attractor each time: a pass that decides nothing new is the last."""
-    real = run.examine
-
-    def credulous(point_map, states, extent, known, age, late):
-        return real(point_map, states, extent, (), age, late)
-
-    monkeypatch.setattr(run, "examine", credulous)
+    real = search.examine
+    monkeypatch.setattr(search, "examine", lambda ends, *late: real(replace(ends, known=()), *late))
     find_basins(LOGISTIC, LINE, max_periods=20)
     assert len(sweeps) == 2
 
@@ -118,7 +117,7 @@ def test_sweeps_are_bounded_whatever_is_found(sweeps, monkeypatch) -> None:
 def test_chaos_that_fades_is_no_attractor() -> None:
     """From a = 1.4 down to 0.2, where a fixed point attracts: chaotic for a while, and periodic later."""
     fades = FADING.with_params(above=0.2, range=1.2, keep=0.9995)
-    found = examine(fades, fades.iterate(FADING_FROM, 50).points, age=50)
+    found = examine(ends_of(fades, fades.iterate(FADING_FROM, 50).points, 50))
     assert found.attractors == ()
     assert len(found.reasons) == len(FADING_FROM)
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from ..regions.trapping_boxes import is_trapped, with_trapped_boxes
 from ..regions.tube import SAMPLED
 from .clouds import Clouds, pieces_of, recurrent_groups
 from .creeping import creeping, orders_of
-from .ends import ORBITS
+from .ends import ORBITS, Ends
 from .exponents import AT_LEAST, growth_along, mean_exponents, pooled
 from .invariant_subspaces import attractors_in_subspaces, hold, invariant_planes, neutral_family
 from .transients import HALF, Late, Reason, follow_on
@@ -43,8 +43,7 @@ _TOO_MANY = 3  # exponents that are zero on tori for which there is no trapping 
 _UNKNOWN = Reason.REGULAR, Reason.TORUS  # of orbits of which the sign of the largest exponent is not known
 
 
-@dataclass(frozen=True, eq=False)
-class Examination:
+class Examination(NamedTuple):
     """What became of orbits that had not settled.
 
     ``attractors``: chaotic attractors that were not known; ``reasons``: for each orbit that is on none of these, why it
@@ -55,15 +54,7 @@ class Examination:
     reasons: tuple[Reason, ...]
 
 
-def examine(
-    point_map: PointMap,
-    states: Floats,
-    extent: Floats | None = None,
-    known: Sequence[Attractor] = (),
-    age: int = 0,
-    late: Late | None = None,
-    trapped: bool = True,
-) -> Examination:
+def examine(ends: Ends, late: Late | None = None, trapped: bool = True) -> Examination:
     """Find the chaotic attractors on which long-lived orbits move, and say why the other orbits are undecided.
 
     An orbit counts as chaotic where its largest Lyapunov exponent is positive, by five standard errors and more than
@@ -74,17 +65,17 @@ def examine(
     An orbit that returns to where it was is on an unstable periodic orbit.  Orbits whose points are nearest neighbours
     of one another are on one attractor, and so are those that go to and fro between two such sets.
 
-    At most 32 of the states (n, d), evenly spread, are followed, for five times the `age` in periods that they have,
+    At most 32 of the orbits, evenly spread, are followed, for five times the periods that they have made,
     unless all of them are in a neighbourhood of one attractor that no orbit leaves, see :func:`trapped_boxes`, which is
     looked for if there may be `trapped` boxes.  If any of them leaves, or ends on a known attractor that is not
     chaotic, all of them are transients.  Orbits that stay among the boxes of a known chaotic attractor are on that
     attractor.  No orbit is on a new one if it is among the points of a known chaotic attractor, if orbits go from there
     to another attractor, or if any of those that came `late` to attractors that are not chaotic was in chaos there,
-    halfway.  The size of the region of interest is 1 by default.
+    halfway.
     """
-    chosen = states[evenly(len(states), ORBITS)]
-    reach = np.ones(point_map.dimension) if extent is None else extent
-    images = float(max(age * len(states), AT_LEAST))
+    point_map, known, age, reach = ends.point_map, ends.known, ends.age, ends.extent
+    chosen = ends.points[evenly(len(ends.points), ORBITS)]
+    images = float(max(age * len(ends.points), AT_LEAST))
     exponents, reasons = tested(point_map, chosen, reach, EXPONENT_PERIODS)
     chaotic, unknown = reasons == Reason.TRANSIENT, np.isin(reasons, _UNKNOWN)
     if not chaotic.any():

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..._lib.arrays import Floats, evenly
+from ..._lib.arrays import evenly
 from ...maps.coordinates import turns_of
 from ...maps.grid import CellGrid
 from ...maps.interpolation.drafts import draft_of
@@ -16,7 +16,7 @@ from ...maps.point_map import PointMap
 from ...maps.side_by_side import advance_on_threads
 from ...orbits.attractor import Attractor
 from ..kinds.chaos import MATURE, one_attractor, returns, with_exponents
-from ..kinds.ends import ORBITS
+from ..kinds.ends import ORBITS, Ends
 from ..kinds.transients import Late
 from ..labels import Label
 from ..regions.trapping_boxes import is_trapped, region_around, with_trapped_boxes
@@ -27,28 +27,21 @@ _FALLBACK = 0.25  # fraction of them that the exact map may have to serve
 _FOLLOWED = 512  # orbits
 
 
-def only_attractor(
-    point_map: PointMap,
-    points: Floats,
-    extent: Floats,
-    known: Sequence[Attractor],
-    late: Late,
-    age: int,
-    periods: int,
-) -> Attractor | None:
+def only_attractor(ends: Ends, late: Late, periods: int) -> Attractor | None:
     """Return the chaotic attractor of orbits that are all chaotic, if it is one, with boxes that no orbit leaves.
 
-    The orbits of points (n, 2) of some age show where the attractor is when they are 256 periods old.  As it may hold a
+    The orbits show where the attractor is when they are 256 periods old.  As it may hold a
     periodic attractor with a small basin, 512 of them are followed to an age of some `periods`, by a surrogate of the
     map: orbits are chaotic, so that each of them is lost at any accuracy, and what they come to is not.  The surrogate
     is an interpolated map, with the exact one in fallback cells.  None where an orbit comes back to where it was or
     ends, and in more than two dimensions, where interpolation takes many images: then orbits have to be followed.  So
     they have if the attractor is returned without trapped boxes, where there are none.
     """
+    point_map, points, extent, known = ends.point_map, ends.points, ends.extent, ends.known
     if point_map.dimension > 2:
         return None
     sample = Orbits.starting(points[evenly(len(points), ORBITS)])
-    advance_on_threads(point_map.advance, sample, max(MATURE - age, 0))
+    advance_on_threads(point_map.advance, sample, max(MATURE - ends.age, 0))
     if not sample.alive.all():
         return None
     attractor, _ = one_attractor(point_map, sample.points, extent, known, late)
@@ -59,11 +52,11 @@ def only_attractor(
     if not is_trapped(attractor):
         return attractor
     many = Orbits.starting(points[evenly(len(points), _FOLLOWED)])
-    settled = settle(surrogate, many, Catalogue.of((), surrogate), max(periods - age, 1), age)
-    ends = settled.orbits.points
-    if (settled.labels != Label.UNDECIDED).any() or returns(surrogate, ends, extent).any():
+    settled = settle(surrogate, many, Catalogue.of((), surrogate), max(periods - ends.age, 1), ends.age)
+    places = settled.orbits.points
+    if (settled.labels != Label.UNDECIDED).any() or returns(surrogate, places, extent).any():
         return None
-    return with_exponents(point_map, attractor, ends, extent)
+    return with_exponents(point_map, attractor, places, extent)
 
 
 def _surrogate(point_map: PointMap, attractor: Attractor, known: Sequence[Attractor]) -> PointMap | None:

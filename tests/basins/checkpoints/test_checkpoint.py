@@ -15,6 +15,7 @@ from known_basins import WINDOW, assert_same, duffing
 import cellmap
 import cellmap._lib.checkpoint
 from cellmap import CellGrid, discrete_map, interpolated_map, load_basins, save_basins
+from cellmap.attractors.search import Search
 from cellmap.basins import StoreError
 from cellmap.basins.initial_conditions import Rows
 from cellmap.basins.label_store import basins_disk, basins_memory
@@ -38,7 +39,7 @@ def test_a_checkpoint_changes_nothing(name, plain, tmp_path):
 
 def test_the_same_call_reads_what_is_finished(plain, finished, tmp_path, monkeypatch):
     path = Path(shutil.copy(finished, tmp_path))
-    monkeypatch.setattr("cellmap.basins.run.search", lambda *_: pytest.fail("searched again"))
+    monkeypatch.setattr(Search, "by_sample", lambda *_: pytest.fail("searched again"))
     again = CASES["one pass"](checkpoint=path)
     assert_same(again, plain["one pass"])
     assert again.verify(50).wrong == 0
