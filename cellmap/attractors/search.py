@@ -133,7 +133,7 @@ def find_attractors(
     return ordered
 
 
-class Found(NamedTuple):
+class SearchResult(NamedTuple):
     """Attractors that are known, and those that a search has found after them.
 
     ``labels``, ``times`` (n,): on which of them each of some orbits ends, and in which period it came there at the
@@ -179,80 +179,21 @@ class Search:
         stop: Stop | None = None,
         horizon: int = 0,
         to_the_end: bool = True,
-    ) -> Found:
-        """Return the attractors to which orbits of some states (n, dimension) come.
+    ) -> SearchResult:
+        """Follow orbits of some states (n, dimension), and look again and again for attractors by those that are left.
+
+        Chaotic ones are found where all orbits that are left seem to be on one, and at the end.
 
         ``horizon``: periods after which orbits would be seen to be on no chaotic attractor, where these are more than
         are followed here; ``to_the_end``: whether orbits that are left are tested for being on one.
         """
-        places, examined = self._places(states), self.examined
-        own = region_extent(self.point_map, places, examined.ways)
+        point_map, states, examined = self.point_map, self._places(states), self.examined
+        own = region_extent(point_map, states, examined.ways)
         if not np.array_equal(own, examined.extent):
-            fresh = Examined.nothing_yet(self.point_map, own)
+            fresh = Examined.nothing_yet(point_map, own)
             examined = replace(fresh, ways=examined.ways, images=examined.images, bound=examined.bound)
-        self.sampled = examined
-        limits = max_periods, max(horizon, max_periods)
-        found = self._followed(places, self._lowered(known), examined, *limits, to_the_end, stop)
-        self.examined.bound = examined.bound
-        return found._replace(attractors=self._with(known, found.attractors))
-
-    def so_far(self, known: Sequence[Attractor]) -> Found | None:
-        """Return what a sample that was interrupted has led to."""
-        if self.sampled is None or self.sampled.so_far is None:
-            return None
-        attractors, labels, times = self.sampled.so_far
-        more = [a for a in self.sampled.verified if all(a is not b for b in attractors)]
-        return Found(self._with(known, [*attractors, *more]), labels, times)
-
-    def among(
-        self, orbits: Orbits, known: Sequence[Attractor], age: int, last: bool, late: Callable[[Bools], Late]
-    ) -> tuple[tuple[Attractor, ...], Sequence[Reason]]:
-        """Return the attractors known and those on which some orbits of an age are; why others are undecided at last.
-
-        ``late``: returns the initial conditions of orbits that came last to an attractor that is not chaotic, once it
-        is known which of these orbits have.
-        """
-        states = orbits if self.quotient is None else self.quotient.of_orbits(orbits)
-        ends = Ends(
-            self.point_map, states.points, age, self._lowered(known), self.examined, self.longest_period, last=last
-        )
-        rest, attractors, owners = sort_out(ends, states)
-        reasons: Sequence[Reason] = ()
-        if last and len(rest):
-            came = late(owners != Label.UNDECIDED)
-            came = replace(came, points=self._places(came.points))
-            left = replace(ends, points=rest.points, known=attractors)
-            strange, reasons = examine(left, came)
-            attractors = [*attractors, *strange]
-        return self._with(known, attractors), reasons
-
-    def _places(self, states: Floats) -> Floats:
-        return states if self.quotient is None else self.quotient.projected(states)
-
-    def _lowered(self, known: Sequence[Attractor]) -> list[Attractor]:
-        return list(known) if self.quotient is None else [self.quotient.lowered(a) for a in known]
-
-    def _with(self, known: Sequence[Attractor], found: Sequence[Attractor]) -> tuple[Attractor, ...]:
-        """Return attractors that are known, and those that were found after them as attractors of the map."""
-        q, fresh = self.quotient, found[len(known) :]
-        return (*known, *(fresh if q is None else (q.lifted(a, self.of) for a in fresh)))
-
-    def _followed(
-        self,
-        states: Floats,
-        known: Sequence[Attractor],
-        examined: Examined,
-        max_periods: int,
-        horizon: int,
-        to_the_end: bool,
-        stop: Stop | None,
-    ) -> Found:
-        """Follow orbits, and look again and again for attractors by those that have not settled.
-
-        Chaotic ones are found where all orbits that are left seem to be on one, and at the end.
-        """
-        point_map = self.point_map
-        attractors = [*known, *cycles_ahead(point_map, states, examined.extent, known, examined.afford)]
+        self.sampled, attractors = examined, self._lowered(known)
+        attractors += cycles_ahead(point_map, states, examined.extent, attractors, examined.afford)
         orbits = Orbits.starting(wrap(states, point_map.coordinates))
         rows, labels, times = np.arange(len(states)), np.full(len(states), Label.UNDECIDED), np.full(len(states), -1)
         age, time_limit, wandering, untrapped = 0, _FIRST_LOOK, False, False
@@ -287,7 +228,7 @@ class Search:
                 examined.so_far = attractors, labels, times
                 rows = rows[owners == Label.UNDECIDED]
                 if wandering and not known_to_wander and len(rows) >= FEWEST:
-                    only = only_attractor(ends, late(), horizon)
+                    only = only_attractor(ends, late(), max(horizon, max_periods))
                     untrapped = only is not None and not is_trapped(only)
                     attractors += [] if only is None or untrapped else [only]
                 if wandering and age >= _WANDERING and not last and len(rows) >= FEWEST:
@@ -300,10 +241,52 @@ class Search:
             ends = Ends(point_map, orbits.points, age, attractors, examined, self.longest_period)
             strange, reasons = examine(ends, late(), trapped=not untrapped)
             attractors = [*attractors, *strange]
-        return Found(attractors, labels, times, reasons)
+        self.examined.bound = examined.bound
+        return SearchResult(self._with(known, attractors), labels, times, reasons)
+
+    def so_far(self, known: Sequence[Attractor]) -> SearchResult | None:
+        """Return what a sample that was interrupted has led to."""
+        if self.sampled is None or self.sampled.so_far is None:
+            return None
+        attractors, labels, times = self.sampled.so_far
+        more = [a for a in self.sampled.verified if all(a is not b for b in attractors)]
+        return SearchResult(self._with(known, [*attractors, *more]), labels, times)
+
+    def among(
+        self, orbits: Orbits, known: Sequence[Attractor], age: int, last: bool, late: Callable[[Bools], Late]
+    ) -> tuple[tuple[Attractor, ...], Sequence[Reason]]:
+        """Return the attractors known and those on which some orbits of an age are; why others are undecided at last.
+
+        ``late``: returns the initial conditions of orbits that came last to an attractor that is not chaotic, once it
+        is known which of these orbits have.
+        """
+        states = orbits if self.quotient is None else self.quotient.of_orbits(orbits)
+        ends = Ends(
+            self.point_map, states.points, age, self._lowered(known), self.examined, self.longest_period, last=last
+        )
+        rest, attractors, owners = sort_out(ends, states)
+        reasons: Sequence[Reason] = ()
+        if last and len(rest):
+            came = late(owners != Label.UNDECIDED)
+            came = replace(came, points=self._places(came.points))
+            left = replace(ends, points=rest.points, known=attractors)
+            strange, reasons = examine(left, came)
+            attractors = [*attractors, *strange]
+        return self._with(known, attractors), reasons
+
+    def _places(self, states: Floats) -> Floats:
+        return states if self.quotient is None else self.quotient.projected(states)
+
+    def _lowered(self, known: Sequence[Attractor]) -> list[Attractor]:
+        return list(known) if self.quotient is None else [self.quotient.lowered(a) for a in known]
+
+    def _with(self, known: Sequence[Attractor], found: Sequence[Attractor]) -> tuple[Attractor, ...]:
+        """Return attractors that are known, and those that were found after them as attractors of the map."""
+        q, fresh = self.quotient, found[len(known) :]
+        return (*known, *(fresh if q is None else (q.lifted(a, self.of) for a in fresh)))
 
 
-def _nothing_found(point_map: PointMap, found: Found, max_periods: int) -> str:
+def _nothing_found(point_map: PointMap, found: SearchResult, max_periods: int) -> str:
     """Tell why orbits came to no attractor: how they ended, and why those that did not are undecided."""
     labels, reasons = found.labels, found.reasons
     ended = [

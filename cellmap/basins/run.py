@@ -24,7 +24,7 @@ from ..attractors.kinds.ends import ORBITS
 from ..attractors.kinds.examined import Examined
 from ..attractors.kinds.transients import ENDURANCE, MORE, REMEDIES, Late, Reason, regular
 from ..attractors.labels import LABEL_NAMES, Label, label_type
-from ..attractors.search import MAX_PERIODS, Found, Search
+from ..attractors.search import MAX_PERIODS, Search, SearchResult
 from ..attractors.settling.residence import OBSERVED, unobserved, with_full_residence, with_residence
 from ..attractors.settling.settle import Settled
 from ..maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits, Status, Tally
@@ -77,7 +77,7 @@ class Run:
     spent: list[float] = field(default_factory=list)
     search: Search | None = None
     searching: bool = True
-    searched: Found | None = None
+    searched: SearchResult | None = None
 
     @property
     def limit(self) -> int:

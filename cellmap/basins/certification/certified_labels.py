@@ -28,7 +28,7 @@ from .budget import Budget, some_of
 from .cell_owners import SMALLEST, Setting, owners_of_cells
 from .certificate import Evidence
 from .table_errors import TableErrors, slopes_of, tolerance_in_cells
-from .undecided import Search
+from .undecided import MissedAttractors
 
 _ROWS = 8192  # initial conditions that are followed together: they stay in the cache
 _INTEGRATED = 1024  # initial conditions that are integrated together
@@ -57,7 +57,9 @@ class _Left:
 class CertifiedLabels:
     """Labels and the evidence for them, found in several ways one after the other."""
 
-    def __init__(self, search: Search, bounds: TableErrors | None, budget: Budget, tally: Tally, proved: Bools) -> None:
+    def __init__(
+        self, search: MissedAttractors, bounds: TableErrors | None, budget: Budget, tally: Tally, proved: Bools
+    ) -> None:
         basins, self.progress = search.basins, search.progress
         point_map = basins.point_map
         assert point_map is not None

@@ -18,7 +18,7 @@ from .budget import Budget
 from .certificate import Certificate
 from .certified_labels import OPEN, CertifiedLabels
 from .table_errors import TableErrors
-from .undecided import Search
+from .undecided import MissedAttractors
 
 _SEARCHES = 8  # certifications of a basin image at most, as further attractors are found
 
@@ -146,7 +146,7 @@ def certify(
     )
     budget = Budget.of(basins, max_cost)
     bounds = None if budget.is_spent_on_cells else TableErrors.of(point_map, safety, progress)
-    search = Search(basins, progress)
+    search = MissedAttractors(basins, progress)
     search.among(np.flatnonzero(np.isin(basins.labels, OPEN)))
     run = CertifiedLabels(search, bounds, budget, NOTHING, proved)
     seed = random_seed(rng)

@@ -21,7 +21,7 @@ from ..record import Basins
 from .cell_owners import exact_within
 
 
-class Search:
+class MissedAttractors:
     """Attractors and labels that the exact map adds to basins that were found with a table.
 
     ``basins`` have the labels of the exact map at some starts, the attractors that came up there, and the reasons of
