@@ -8,7 +8,7 @@ import numpy as np
 
 from .._compiled.codegen.captured import captured
 from .._compiled.codegen.expression import ImpureError
-from .._compiled.codegen.trace import StateChangedError
+from .._compiled.codegen.trace import StateMisusedError
 from .misread import PLACES, asks_for_more, called_twice, differ, misread, short, trial_state
 from .periodicity import InTime, check_periodic
 
@@ -28,7 +28,7 @@ def try_right_hand_side(system: Any, in_time: InTime) -> None:
             turned = [
                 system.derivative(t, [*places[:j], places[j] + (c.period or 0.0), *places[j + 1 :]]) for j, c in angles
             ]
-        except (ImpureError, StateChangedError):
+        except (ImpureError, StateMisusedError):
             raise
         except (AttributeError, NameError, TypeError) as error:
             raise misread(system.rhs, system.switches, (t, places, system.parameters), system.axes, error) from error

@@ -179,7 +179,7 @@ def test_without_images_for_proofs_there_are_the_same_attractors_and_labels(monk
 
 def test_what_cannot_be_afforded_is_not_verified(circles):
     def step(x, p):
-        return tuple(0.5 * v + 0.3 * w * w for v, w in zip(x, x[1:] + x[:1], strict=True))
+        return tuple(0.5 * v + 0.3 * w * w for v, w in zip(x, (*x[1:], *x[:1]), strict=True))
 
     wells = discrete_map(step, {}, tuple(f"x{i}" for i in range(6)))
     (origin,) = find_attractors(wells, np.random.default_rng(3).uniform(-0.4, 0.4, (8, 6)))

@@ -260,6 +260,7 @@ TYPES = (
     (lambda: rebuild_map("pendulum", {"kind": "discrete"}), "source='pendulum': give a ForcedSystem or a PointMap"),
     (lambda: section_map(free(), 3), "section=3"),
     (lambda: strobe(writes), r"changes the state x .* declare impacts=\[Impact\(guard, reset\)\]"),
+    (lambda: strobe(lambda t, x, p: x[1:] + x[:1]), r"joins tuples and adds arrays.*write \(\*x\[1:\], \*x\[:1\]\)"),
     (lambda: strobe(lambda t, x, p: np.linalg.eigvalsh([[x[0], 1.0], [1.0, x[1]]])), "eigvalsh has no formula"),
     (lambda: strobe(by_name), "cannot be compiled: write it with plain arithmetic"),
     (lambda: strobe(lambda t, x, p: (x[1], -special.jv(0, x[0])))([0.1, 0.2]), r"says: Unknown attribute 'jv'[^\n]*$"),

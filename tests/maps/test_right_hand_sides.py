@@ -120,7 +120,11 @@ ARRAYS = (
     lambda t, x, p: x[2:] + tuple(x[:2] @ -K - x[2:] * 0.1 - x[:2] * x[:2] * x[:2] + force(t, p)),
     lambda t, x, p: np.r_[x[2:], (x[::-1][:2] * -0.1 - x[1::-1] @ K - np.power(x[1::-1], 3))[::-1] + force(t, p)],
     lambda t, x, p: np.concatenate([x[[2, 3]], -K.dot(x[:2]) - 0.1 * x.reshape(2, 2)[1] - x[0:2] ** 3 + force(t, p)]),
-    lambda t, x, p: (x[2], x[3], *(force(t, p) - K @ (x[:2] + x[2:] - x[2:]) - x[2:] / 10.0 - (-x[:2]) ** 2 * x[:2])),
+    lambda t, x, p: (
+        x[2],
+        x[3],
+        *(force(t, p) - K @ (np.add(x[:2], x[2:]) - x[2:]) - x[2:] / 10.0 - (-x[:2]) ** 2 * x[:2]),
+    ),
 )
 
 

@@ -33,15 +33,15 @@ CONSTANT, TIMED, STATEFUL = range(3)
 """What an expression depends on: parameters alone, time as well, or the state."""
 
 
-class StateChangedError(TypeError):
-    """A function changes the state that it is given."""
+class StateMisusedError(TypeError):
+    """A function changes the state that it is given, or writes a sum of its parts, which has two meanings."""
 
 
 class State(tuple[Any, ...]):
     """State variables as functions receive them: a tuple that is an array where arithmetic is done with all of it.
 
-    ``x + (a, b)`` joins tuples; every other operation is that of arrays.  What would change a state is an error that
-    says what to write.
+    ``x + (a, b)`` joins tuples; every other operation is that of arrays.  ``x[1:] + x[:1]``, which would be either, and
+    what would change a state are errors that say what to write.
     """
 
     __slots__ = ()
@@ -68,13 +68,18 @@ class State(tuple[Any, ...]):
         return getattr(ufunc, method)(*(i._array if isinstance(i, State) else i for i in inputs), **options)
 
     def __add__(self, other: Any) -> Any:
+        if isinstance(other, State):
+            raise StateMisusedError(
+                "x[1:] + x[:1] joins tuples and adds arrays, and the state is both: write (*x[1:], *x[:1]) to join "
+                "parts of the state, np.add(x[1:], x[:1]) to add them"
+            )
         return super().__add__(other) if type(other) is tuple else self._array + other
 
     def __radd__(self, other: Any) -> Any:
         return other + tuple(self) if type(other) is tuple else other + self._array
 
     def _refused(self, *_: Any) -> Any:
-        raise StateChangedError(
+        raise StateMisusedError(
             "a function changes the state x that it is given, which has no effect on the motion: begin with "
             "`q, v = x` and compute with those names. Where the state of a flow is meant to jump, as a velocity that "
             "an impact reverses, declare impacts=[Impact(guard, reset)]"
@@ -133,7 +138,7 @@ class Trace:
                 found = twin(self.time, State(self.states), record, *further)
                 several = (found,) if isinstance(found, Expression | Comparison | int | float) else found
                 return tuple(self.graph.lift(e) for e in several)
-            except (ComparisonError, StateChangedError, TableError, UntraceableError):
+            except (ComparisonError, StateMisusedError, TableError, UntraceableError):
                 raise
             except Exception as error:
                 kind = UndefinedError if _is_meant(error) else UntraceableError
