@@ -2,8 +2,8 @@
 Getting started
 ===============
 
-This tutorial takes a quarter of an hour. It begins with an equation of motion and ends with a measured fractal
-dimension of a basin boundary. Every figure and every printed line on this page was computed when the page was built.
+From an equation of motion to a measured fractal dimension of a basin boundary, in a quarter of an hour. Every figure and
+every printed line on this page was computed when the page was built.
 
 Install the library with ``pip install .`` in a checkout. The first map of each new right-hand side is compiled, which
 takes about a second; the result is kept on disk.
@@ -21,8 +21,8 @@ it in a window; where there is none, ``plt.savefig("figure.png")`` writes it to 
 #
 # .. math:: \ddot q + \delta \dot q + \alpha q + \beta q^3 = \gamma \cos \omega t .
 #
-# Write it as a first-order system: a plain Python function of time, state and parameters that returns the derivative of
-# each state variable. The parameters, their values and the period of the forcing complete the system.
+# Write it as a plain Python function of time, state and parameters that returns the derivative of each state variable.
+# The values of the parameters and the period of the forcing complete the system.
 
 from math import cos, pi
 
@@ -84,16 +84,15 @@ print(both.strobe[-1].round(4))
 # sphinx_gallery_alt = "Velocity against displacement: a small and a large closed curve, each with one point of the section"
 
 # %%
-# The spring oscillates with a small or a large amplitude under the same force. Which of the two it does depends on its
-# initial condition alone. This coexistence is called bistability.
+# Whether the spring oscillates with a small or a large amplitude depends on its initial condition alone: bistability.
 #
 # Basins of attraction
 # --------------------
 #
 # The *basin of attraction* of an attractor is the set of initial conditions whose orbits converge to it. A
 # :class:`~cellmap.CellGrid` covers a window with 300 × 300 cells, and the centre of each cell is an initial condition.
-# Integrating 90,000 orbits would do. It is far cheaper to compute one period from each node of a grid once,
-# to interpolate, and to iterate the interpolated map: this is *interpolated cell mapping* (Tongue and Gu 1988).
+# Instead of integrating 90,000 orbits, compute one period from each node of a grid once, interpolate, and iterate the
+# interpolated map: this is *interpolated cell mapping* (Tongue and Gu 1988).
 
 from cellmap import CellGrid, find_basins, interpolated_map
 
@@ -107,8 +106,7 @@ plot.basins(basins)
 # sphinx_gallery_alt = "Basins of the two limit cycles: that of the small one is a tongue that spirals round the other"
 
 # %%
-# The number of attractors need not be known beforehand. The multipliers of both are inside the unit circle, so both are
-# stable.
+# The number of attractors need not be known beforehand. The multipliers of both are inside the unit circle: both are stable.
 #
 # How sure can we be?
 # -------------------
@@ -150,8 +148,7 @@ print(fractions)
 # sphinx_gallery_alt = "Basin fractions against frequency: the large oscillation loses its basin gradually to the small one"
 
 # %%
-# At the upper fold the large oscillation disappears. Long before, its basin has become so small that hardly any
-# disturbance leads back to it.
+# The large oscillation loses its basin long before it disappears, at the upper fold.
 #
 # The boundary is a stable manifold
 # ---------------------------------
@@ -227,10 +224,6 @@ with TemporaryDirectory() as folder:
 # Where to go next
 # ----------------
 #
-# - :doc:`/own-system`, a lesson; :doc:`/discontinuous` and :doc:`/integration`: friction, impacts, tolerances, phases.
-# - :doc:`/which-function`: one table of what there is.
-# - :doc:`/how-to`: what to call for which task; :doc:`/symptoms`: what to do when a result looks wrong.
-# - :doc:`/concepts`: the ideas behind the words, with figures.
-# - :doc:`/auto/tutorials/inverted_pendulum` and :doc:`/auto/tutorials/rod_on_film`: the other tutorials.
-# - :doc:`/auto/examples/index`: short programs with their figures.
-# - :doc:`/reference`: all functions.
+# - :doc:`/own-system`, a lesson, and :doc:`/how-to`, what to call for which task.
+# - :doc:`/symptoms`: what to do when a result looks wrong.
+# - :doc:`/concepts`: the ideas behind the words; :doc:`/which-function`: one table of what there is.
