@@ -23,7 +23,6 @@ from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..maps.small_states import ORBITS, warn_of_small_states_ahead
 from ..orbits.attractor import Attractor
-from .coarse_labels import audited_basins
 from .doubts import warn_of_doubts
 from .initial_conditions import InitialConditions
 from .record import Basins
@@ -73,7 +72,6 @@ def find_basins(
     client: Any = None,
     checkpoint: str | os.PathLike[str] | None = None,
     max_seconds: float | None = None,
-    label_rtol: float | None = None,
 ) -> Basins:
     """Find the attractors of a map and label each initial condition by the attractor to which its orbit converges.
 
@@ -112,12 +110,6 @@ def find_basins(
         Time after which the call ends with what is decided by then: attractors found so far, and labels; other initial
         conditions are labelled -5 (unlabelled).  Compiled loops that are under way are not interrupted, so that the
         call may last somewhat longer.  With a checkpoint the same call goes on from there.
-    label_rtol : float, optional
-        Relative tolerance of labels, larger than that of the map, whose absolute tolerance grows with it.  Attractors
-        are those of the map, from 1024 initial conditions.  These are labelled by both, and at last an audit labels as
-        many by the map itself, half of them where neighbours on the grid differ, and keeps these labels.  If either
-        suggests that more than 0.1 % of all labels are wrong, or other attractors are met, all initial conditions are
-        labelled by the map.  What was found is in ``settings["audit"]``.  Not with a checkpoint.
 
     Returns
     -------
@@ -145,10 +137,9 @@ def find_basins(
         method but not with the one for stiff systems: with the cause, as seen in a few orbits, and a remedy.  Also if
         nothing is found but orbits that grow without bound over many periods.
     UserWarning
-        If `max_seconds` were over before all initial conditions were labelled, if labels to a tolerance of
-        `label_rtol` differ from those of the map, or if `initial_conditions` are two tuples ``(low, high)`` in two
-        dimensions: these are two states, and no window.  If attractors are others again, a multiple of 2 pi further on
-        in an angle that was not declared.
+        If `max_seconds` were over before all initial conditions were labelled, or if `initial_conditions` are two
+        tuples ``(low, high)`` in two dimensions: these are two states, and no window.  If attractors are others again,
+        a multiple of 2 pi further on in an angle that was not declared.
 
     Examples
     --------
@@ -167,17 +158,6 @@ def find_basins(
     began = time.perf_counter()
     places = InitialConditions.of(initial_conditions, point_map)
     settings = {"max_periods": max_periods, "longest_period": longest_period, "map": dict(point_map.recipe)}
-    if label_rtol is not None:
-        if checkpoint is not None:
-            raise ValueError(
-                f"checkpoint={str(checkpoint)!r}: labels with label_rtol are not kept in a file: leave it out"
-            )
-
-        def find(used: PointMap, known: Sequence[Attractor]) -> Basins:
-            limits = max_periods, longest_period
-            return find_basins(used, initial_conditions, *limits, known, progress, client, None, max_seconds)
-
-        return audited_basins(find, point_map, places, label_rtol, settings, attractors)
     path = as_checkpoint(checkpoint)
     with locked(path):
         store = label_store(point_map, places, settings, attractors, path)

@@ -46,7 +46,7 @@ def recompute_basins(basins: Basins, source: ForcedSystem | PointMap) -> Basins:
     initial_conditions = basins.grid if basins.grid is not None else basins.initial_conditions
     assert initial_conditions is not None
     point_map = spec.build() if isinstance(spec, Interpolated) else exact
-    names = ("max_periods", "longest_period", "label_rtol")
+    names = ("max_periods", "longest_period")
     limits = {name: basins.settings[name] for name in names if name in basins.settings}
     if basins.settings.get("goes_on"):
         limits["max_periods"] = None

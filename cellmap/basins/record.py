@@ -74,10 +74,7 @@ class Basins(ShownAsHtml, ConvertsToXarray, ConvertsToDataFrame):
     coordinates : tuple of Coordinate
         State variables.
     settings : mapping
-        Arguments of :func:`find_basins`, and under ``"map"`` the recipe of the map.  With `label_rtol`, under
-        ``"audit"`` how many labels were compared with those of the map itself (``audited``), how many were
-        ``differing``, and the fraction of all that this suggests to be ``wrong``, 1 where other attractors were met;
-        above 0.001 all labels are those of the map itself.
+        Arguments of :func:`find_basins`, and under ``"map"`` the recipe of the map.
     inaccurate : int
         Initial conditions along whose orbits the integrator missed its tolerance.
     undecided : mapping of str to int

@@ -115,33 +115,6 @@ def test_chaos_and_many_attractors(say, name):
     say(f"{side} x {side}, {name}: {wall:.2f} s, {spent:.2f} s of all threads, {len(basins.attractors)} attractors")
 
 
-COARSE = {
-    "slice of the double pendulum": (
-        lambda: stroboscopic_map(double_pendulum()),
-        (pi, pi, 1e-9, 1e-9),
-        (300, 300, 1, 1),
-    ),
-    "forced pendulum": (lambda: stroboscopic_map(forced_pendulum()), (pi, 4.0), (500, 500)),
-    "pendulum at 4 mm": (lambda: exact(0.004), (pi, WINDOW), (500, 500)),
-    "pendulum at 10 mm": (lambda: exact(0.010), (pi, WINDOW), (500, 500)),
-    "forced two-well Duffing": (lambda: stroboscopic_map(two_well_duffing()), (2.2, 2.2), (500, 500)),
-}
-
-
-@pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("name", COARSE)
-def test_labels_at_a_tolerance_of_their_own(say, name):
-    make, half, shape = COARSE[name]
-    point_map, grid, spent, found = make(), CellGrid([-h for h in half], half, shape), [], []
-    for rtol in (None, 1e-6):
-        find_basins(point_map, CellGrid(grid.lower, grid.upper, [min(n, 8) for n in shape]), label_rtol=rtol)
-        began = time.process_time()
-        found.append(find_basins(point_map, grid, label_rtol=rtol))
-        spent.append(time.process_time() - began)
-    differ, audit = np.count_nonzero(found[0].labels != found[1].labels), found[1].settings["audit"]
-    say(f"labels at 1e-6, {name}: {spent[0]:.2f} s -> {spent[1]:.2f} s of all threads, {differ} differ, {audit}")
-
-
 def five_attractors(step):
     """Five attractors of a hardening Duffing oscillator, whose forcing changes a little with each step."""
     return stroboscopic_map(duffing_oscillator(0.08, 0.0, 1.0, 0.2 * (1.0 + 1e-4 * step), 1.0))
