@@ -210,7 +210,7 @@ def _diagram_columns(diagram: BifurcationDiagram) -> dict[str, Any]:
 
 
 def _different(coordinates: Sequence[Coordinate], fixed: str) -> list[str]:
-    """Return the names of coordinates; those of other columns have an underscore more."""
+    """Return the names of columns of coordinates; an underscore is added where another column has the name."""
     taken = set(fixed.split())
     return [c.name + "_" * (c.name in taken) for c in coordinates]
 

@@ -318,7 +318,7 @@ def _write_turns(out: Instructions, block: _Block, axes: Sequence[_Axis]) -> Non
 
 
 def _write_back_all(out: Instructions, block: _Block) -> None:
-    """Write all rows back where none has a period left: mostly all are through together."""
+    """Write all rows back where no row has a period left, as is usual: rows of a block end together."""
     out.store_whole(0, block.row)
     count = out.load_whole(block.count)
     with out.loop("pending", count) as m:

@@ -266,7 +266,7 @@ class _Stepped:
 
 
 def _part(series: Series, events: Sequence[Values], rate: Value, tolerance: float) -> Value:
-    """Write by which part a step is shortened whose own error is large.
+    """Write the factor by which a step with a large error is shortened.
 
     A trial step, at a negative rate, is not.
     """

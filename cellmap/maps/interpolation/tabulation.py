@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Axes = Sequence[Floats]
 
-_IN_A_TILE = 2048  # images where a tile has neither to travel nor to be sealed: small tables keep all threads busy
+_IN_A_TILE = 2048  # images in a tile that is neither sent nor sealed: even small tables keep all threads busy
 
 
 @dataclass(frozen=True, eq=False)
