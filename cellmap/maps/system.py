@@ -353,12 +353,12 @@ class ForcedSystem:
         surface the mean of both sides is returned.
         """
         if self.switches is None:
-            return tuple(self.rhs(t, as_state(self.rhs, x), self.parameters))
+            return _numbers(self.rhs(t, as_state(self.rhs, x), self.parameters))
         own = self.signs(t, x)
         chosen = own if signs is None else tuple(finite_number("signs", s, at_least=-1.0, at_most=1.0) for s in signs)
         if len(chosen) != len(own):
             raise ValueError(f"signs={signs!r}: give {len(own)}, one for each switching function")
-        return tuple(self.rhs(t, as_state(self.rhs, x), self.parameters, chosen))
+        return _numbers(self.rhs(t, as_state(self.rhs, x), self.parameters, chosen))
 
     def fun(self, t: float, y: Floats) -> Floats:
         """Return the right-hand side in the form that :func:`scipy.integrate.solve_ivp` takes."""
@@ -393,3 +393,8 @@ class ForcedSystem:
                 f"t has the shape {times.shape}, which does not broadcast with states of {points.shape}"
             ) from None
         return over_states(self.outputs[name], times, points, self.params)
+
+
+def _numbers(found: Sequence[Any]) -> tuple[Any, ...]:
+    """Return the components of a right-hand side; arrays without dimensions, as splines return them, are numbers."""
+    return tuple(v[()] if isinstance(v, np.ndarray) and not v.ndim else v for v in found)

@@ -352,6 +352,7 @@ _RULES: dict[Any, Callable[..., Any]] = {
     np.round: _by_entries(nearest, 1),
     np.interp: _by_entries(interpolated, 1),
     np.select: _select,
+    np.polyval: lambda p, x: functools.reduce(lambda y, c: y * x + c, p),
     np.linalg.solve: _solution,
     np.linalg.inv: lambda a: _solution(a, np.eye(len(a))),
     np.linalg.norm: _norm,

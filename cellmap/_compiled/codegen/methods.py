@@ -128,6 +128,8 @@ def choose_method(
 def _shows_all(trace: Trace) -> bool:
     """Whether state and time enter through products and sines alone, whose series hide nothing, and quotients of them.
 
+    A choice that parameters make hides nothing either.
+
     A series sees the function at one point.  Where tanh is saturated, or at the foot of a narrow bell, all of its
     coefficients vanish and a step may pass over what lies ahead; a Runge-Kutta step looks at a dozen places.  What
     divides may contain states in sines, as inertia of linkages does: with it there are no bells far from the origin.
@@ -141,7 +143,8 @@ def _shows_all(trace: Trace) -> bool:
         if level == CONSTANT or (level == STATEFUL and (is_entire or known)):
             turning.add(node)
         divides = operation == "div" and node.arguments[1] in turning
-        if not (level == CONSTANT or operation in plain or is_entire or divides):
+        chooses = operation == "select" and levels[node.arguments[0]] == CONSTANT
+        if not (level == CONSTANT or operation in plain or is_entire or divides or chooses):
             return False
     return True
 
