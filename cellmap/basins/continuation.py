@@ -33,8 +33,8 @@ from .finding import find_basins
 from .initial_conditions import InitialConditions
 from .label_store import basins_memory
 
-_SEEDS = 4  # points of a former attractor from which it is sought again,
-_ASIDE = 1e-3  # and as many beside them, at this part of the extent: it may have lost its stability
+_SEEDS = 4  # points of a former attractor from which it is sought again, and as many beside them
+_ASIDE = 1e-3  # distance of the points beside, in extents: the attractor may have lost its stability
 _KEPT = 1024  # points that are kept of a chaotic attractor
 
 

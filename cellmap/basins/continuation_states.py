@@ -29,10 +29,10 @@ PERIODS = (2, 4, 8, 12, 16)
 """Periods after which states are interpolated, at most."""
 
 _NODES = 9  # Chebyshev nodes
-_IN_A_TILE = 8192  # initial conditions
-_SAMPLE = 1024  # of them, by which it is decided how far ahead, and over how much of the parameter
+_IN_A_TILE = 8192  # initial conditions in a tile
+_SAMPLE = 1024  # orbits sampled to choose the number of periods ahead, and the length of the interval of the parameter
 _OVERHEAD = 3.0  # look-ups that take as long as interpolating a state
-_WORTH_IT = 0.7  # of the look-ups of labels from the beginning, to which they have to fall
+_WORTH_IT = 0.7  # part of the look-ups from the beginning to which interpolation has to reduce them
 _PATIENCE = 256  # periods after which a label is left to a search for further attractors
 
 

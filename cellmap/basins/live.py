@@ -25,7 +25,7 @@ from .initial_conditions import InitialConditions
 from .refining import BasinFrame, refinement
 
 _PREVIEWED = 2  # strides that are drawn before anything is verified, all where a table's error is known
-_SOON = 2**16  # in images of so many initial conditions, which take a hundredth of a second: more delay the verified
+_SOON = 2**16  # initial conditions of a preview that takes a hundredth of a second: more would delay the verified image
 _NOTHING = 2**62  # stride of an image in which nothing is labelled
 
 

@@ -101,7 +101,7 @@ class FirstOrderStep:
     def _carried(
         self, step: Matrix, images: list[Interval], frame: Frame, stretch: list[list[Value]]
     ) -> tuple[list[Value], Matrix, list[list[Value]]]:
-        """Write images and their errors; return bounds of these, the derivatives, and bounds of errors of those."""
+        """Write images and bounds of their errors; return these bounds, the derivatives, and bounds of their errors."""
         rows, errors = self.rows, self.errors
         off = errors.carry(rows.image_errors, frame, stretch, images)
         for i in self.d:

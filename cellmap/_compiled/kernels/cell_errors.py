@@ -63,7 +63,7 @@ def _beside(row, j, cells, wraps, stride):
 
 @inlined
 def _pad(values, width, wraps):
-    """Write in front of a row and behind it what is beside its ends: its other end, or the same."""
+    """Pad a row on both sides: with its other end where it is periodic, else with the values beside the end."""
     size = len(values)
     for k in range(width):
         values[k] = values[size - 2 * width + k] if wraps else values[width + k]

@@ -19,10 +19,10 @@ from ..record import Basins
 from .cell_owners import exact_within
 from .table_errors import has_power_series
 
-_CELL = 22.0  # derivatives, bounds of errors, and owner of a cell
-_ROW = 8.0  # an ellipsoid carried over a period
+_CELL = 22.0  # cost of the derivatives, bounds of errors, and owner of a cell, in evaluations
+_ROW = 8.0  # cost of carrying an ellipsoid over a period, in evaluations
 _LOOK_UP = 2.5
-_FREE = 3e6  # a tenth of a second, for which nothing is left out
+_FREE = 3e6  # evaluations that take a tenth of a second: an image that costs less is certified in full
 _CELLS = 0.75  # fraction of the cost beyond direct integration that may go into the cells of the table in any case
 _DOUBTED = 3.0  # cost of a label that the table does not make certain, in direct integrations of its orbit
 _OTHERS = 0.2  # cost of any other label, in direct integrations of its orbit

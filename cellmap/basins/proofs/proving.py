@@ -32,7 +32,7 @@ from .regions import ProvedCells, alike, centres_of, extremes, region_of
 _PLACES = 16  # places where the periods of angles are checked
 _APART, _AT_LAST = 4, 12  # steps between settling times of neighbours, beyond which a proof is not tried
 _PROVABLE = (Kind.FIXED_POINT, Kind.PERIODIC, Kind.ROTATING)
-_BYTES = 60  # a cell: its label and rank with those of the level before, and the list of the cells that its image meets
+_BYTES = 60  # bytes for a cell: its label and rank, those of the level before, and the cells that its image meets
 
 
 @checked
