@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from .._lib.arrays import Floats
+from .._lib.arrays import Floats, evenly
 from ..maps.coordinates import circular_tree
 from ..orbits.attractor import Attractor
 
@@ -103,6 +103,4 @@ def _thinned(attractor: Attractor) -> Floats:
 
 def thinned(points: Floats, most: int) -> Floats:
     """Return at most so many of the points (n, dimension), spread evenly over them."""
-    if len(points) <= most:
-        return points
-    return points[np.linspace(0, len(points) - 1, most).round().astype(np.int64)]
+    return points if len(points) <= most else points[evenly(len(points), most)]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._lib.arrays import Bools, Floats, Ints
+from .._lib.arrays import Bools, Floats, Ints, evenly
 from .._lib.computed import computed_once
 from .._lib.threads import slices
 from ..maps.coordinates import Coordinate, check_no_window, state_points, wrap
@@ -154,8 +154,7 @@ class Rows:
 
     def spread(self, count: int) -> Iterator[Ints]:
         """Yield about `count` rows at even distances, in parts; all, if they are no more."""
-        total = len(self)
-        chosen = np.arange(total) if total <= count else np.unique(np.linspace(0, total - 1, count).round().astype(int))
+        total, chosen = len(self), evenly(len(self), count)
         blocks = [0, total] if self.bits is None else self._before.tolist()
         for block, (begin, end) in enumerate(pairwise(blocks)):
             mine = chosen[(chosen >= begin) & (chosen < end)]

@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from ..._lib.arrays import Floats, Ints
+from ..._lib.arrays import Floats, Ints, evenly
 from ..._lib.checks import of_the_user, shown, whole_array
 
 _FITTED = 2000  # distinct feature vectors to which an estimator is fitted
@@ -63,9 +63,7 @@ def grouped(values: Floats, clusterer: Any, resolution: float, min_size: int) ->
     chosen = np.lexsort((first, -np.minimum(counts, min_size)))
     crowded = int(np.count_nonzero(counts >= min_size))
     sparse = chosen[crowded:]
-    room = max(0, _FITTED - crowded)
-    if len(sparse) > room:
-        sparse = sparse[np.linspace(0, len(sparse) - 1, room).round().astype(np.int64)]
+    sparse = sparse[evenly(len(sparse), max(0, _FITTED - crowded))]
     chosen = np.sort(np.concatenate([chosen[:crowded][:_FITTED], sparse]))
     places = values[first[chosen]]
     tree = KDTree(places)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..._lib.arrays import Bools, Floats, Ints
+from ..._lib.arrays import Bools, Floats, Ints, evenly
 from ...maps.coordinates import Coordinate, difference
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor
@@ -89,8 +89,7 @@ class Examined:
         else:
             left = [k for k, state in enumerate(states) if (state.tobytes(), look) not in self.ends]
             most = min(_FOLLOWED[0], _FOLLOWED[1] // states.shape[1])
-            some = np.unique(np.linspace(0, max(len(left) - 1, 0), most).round().astype(int))[: len(left)]
-            chosen = states[np.array(left, int)[some]]
+            chosen = states[np.array(left, int)[evenly(len(left), most)]]
             keys = [(state.tobytes(), look) for state in chosen]
         self.ends |= dict.fromkeys(keys)
         return chosen

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..._lib.arrays import Ints
+from ..._lib.arrays import Ints, evenly
 from ...attractors.labels import Label
 from ...attractors.settling.settle import Catalogue, settle_on_threads
 from ...maps.orbit_batch import Orbits, Tally
@@ -94,5 +94,5 @@ def cost(tally: Tally) -> float:
 
 def some_of(rows: Ints) -> Ints:
     """Return some of the rows, evenly spread."""
-    count = min(max(len(rows) // _SHARE, _SAMPLE[0]), _SAMPLE[1], len(rows))
-    return rows[np.linspace(0, len(rows) - 1, count).round().astype(np.int64)] if count else rows
+    count = min(max(len(rows) // _SHARE, _SAMPLE[0]), _SAMPLE[1])
+    return rows[evenly(len(rows), count)]
