@@ -22,3 +22,8 @@ def evenly(number: int, most: int) -> Ints:
     (array([0, 3, 6, 9]), array([0, 1]), array([], dtype=int64))
     """
     return np.unique(np.linspace(0, number - 1, min(number, most)).round().astype(np.int64))
+
+
+def thinned(points: Floats, most: int) -> Floats:
+    """Return at most so many of the points (n, dimension), spread evenly over them."""
+    return points if len(points) <= most else points[evenly(len(points), most)]

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from .._lib.arrays import Floats, evenly
+from .._lib.arrays import Floats, thinned
 from ..maps.coordinates import circular_tree
 from ..orbits.attractor import Attractor
 
@@ -99,8 +99,3 @@ def _are_unlike(a: Attractor, b: Attractor) -> bool:
 
 def _thinned(attractor: Attractor) -> Floats:
     return thinned(attractor.points, _MOST_POINTS)
-
-
-def thinned(points: Floats, most: int) -> Floats:
-    """Return at most so many of the points (n, dimension), spread evenly over them."""
-    return points if len(points) <= most else points[evenly(len(points), most)]

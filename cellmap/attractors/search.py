@@ -30,8 +30,6 @@ from .kinds.examined import Examined
 from .kinds.limit_cycles import cycles_ahead
 from .kinds.transients import REMEDIES, Late, Reason, UnsettledWarning, regular
 from .labels import Label, label_names
-from .regions.extents import region_extent
-from .regions.trapping_boxes import is_trapped
 from .settling.escape import far_bound
 from .settling.quotients import Quotient, quotient_of
 from .settling.residence import with_full_residence
@@ -187,11 +185,8 @@ class Search:
         ``horizon``: periods after which orbits would be seen to be on no chaotic attractor, where these are more than
         are followed here; ``to_the_end``: whether orbits that are left are tested for being on one.
         """
-        point_map, states, examined = self.point_map, self._places(states), self.examined
-        own = region_extent(point_map, states, examined.ways)
-        if not np.array_equal(own, examined.extent):
-            fresh = Examined.nothing_yet(point_map, own)
-            examined = replace(fresh, ways=examined.ways, images=examined.images, bound=examined.bound)
+        point_map, states = self.point_map, self._places(states)
+        examined = self.examined.of_sample(point_map, states)
         self.sampled, attractors = examined, self._lowered(known)
         attractors += cycles_ahead(point_map, states, examined.extent, attractors, examined.afford)
         orbits = Orbits.starting(wrap(states, point_map.coordinates))
@@ -228,9 +223,8 @@ class Search:
                 examined.so_far = attractors, labels, times
                 rows = rows[owners == Label.UNDECIDED]
                 if wandering and not known_to_wander and len(rows) >= FEWEST:
-                    only = only_attractor(ends, late(), max(horizon, max_periods))
-                    untrapped = only is not None and not is_trapped(only)
-                    attractors += [] if only is None or untrapped else [only]
+                    only, untrapped = only_attractor(ends, late(), max(horizon, max_periods))
+                    attractors += [] if only is None else [only]
                 if wandering and age >= _WANDERING and not last and len(rows) >= FEWEST:
                     kept = representatives(point_map, orbits.points, examined.extent)
                     rows, orbits = rows[kept], orbits[kept]

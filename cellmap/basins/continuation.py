@@ -10,14 +10,14 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._lib.arrays import Floats
+from .._lib.arrays import Floats, thinned
 from .._lib.checks import claim_memory, finite_number, known_parameter, monotone_values, whole_number
 from .._lib.records import Keyed
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar
 from ..attractors.continued import continue_attractors
 from ..attractors.labels import LABEL_NAMES
-from ..attractors.matching import persistent_labels, thinned
+from ..attractors.matching import persistent_labels
 from ..attractors.regions.extents import region_extent
 from ..attractors.search import MAX_PERIODS, affordable_period, find_attractors
 from ..attractors.settling.residence import is_same

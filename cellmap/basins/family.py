@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.arrays import Floats
+from .._lib.arrays import Floats, thinned
 from .._lib.stopping import Stop
 from ..attractors.continued import circles_followed, is_followed, orbits_followed, with_regions
-from ..attractors.matching import persistent_labels, thinned
+from ..attractors.matching import persistent_labels
 from ..attractors.search import find_attractors
 from ..attractors.settling.residence import is_same
 from ..maps.coordinates import difference

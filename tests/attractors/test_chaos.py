@@ -236,7 +236,7 @@ def only(a: float, periods: int):
     point_map = FOLD.with_params(a=a)
     begin = np.random.default_rng(0).uniform((0.2, -1e-3), (0.9, 1e-3), (1024, 2))
     points = point_map.iterate(begin, 64).points
-    return only_attractor(ends_of(point_map, points, 64), NONE_LATE, periods)
+    return only_attractor(ends_of(point_map, points, 64), NONE_LATE, periods)[0]
 
 
 def test_cycle_inside_of_chaos_is_seen_by_the_surrogate():

@@ -242,8 +242,7 @@ def test_attractors_of_another_map_are_refused_by_one_image():
 def test_trapped_boxes_are_looked_for_once(monkeypatch, untrapped):
     """By the one that looks for the attractor of many chaotic orbits early, or by the examination at the end."""
     asked = list[bool]()
-    chaotic = find_attractors(logistic(3.9), LINE)[0]
-    monkeypatch.setattr(search, "only_attractor", lambda *_: chaotic if untrapped else None)
+    monkeypatch.setattr(search, "only_attractor", lambda *_: (None, untrapped))
     monkeypatch.setattr(search, "are_chaotic", lambda *_: True)
     monkeypatch.setattr(search, "examine", lambda *_, trapped: (asked.append(trapped) or [], []))
     swinging = stroboscopic_map(systems.dimensionless_pendulum(0.25, 0.55, 0.05))

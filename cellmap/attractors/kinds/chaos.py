@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._lib.arrays import Bools, Floats, Ints, evenly
+from ..._lib.arrays import Bools, Floats, Ints, evenly, thinned
 from ...maps.coordinates import difference
 from ...maps.orbit_batch import Orbits
 from ...maps.paths import path_of
@@ -17,7 +17,6 @@ from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor, Cover, InvariantSubspace, Kind, aperiodic
 from ...orbits.invariant_circle import drift
 from ...orbits.newton import resolution
-from ..matching import thinned
 from ..regions.boxes import BOXES
 from ..regions.covers import covers_apart, lattice
 from ..regions.trapping_boxes import is_trapped, with_trapped_boxes

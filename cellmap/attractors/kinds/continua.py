@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._compiled.kernels.capture import AT_REST
-from ..._lib.arrays import Bools, Floats, Ints
+from ..._lib.arrays import Bools, Floats, Ints, thinned
 from ..._lib.stopping import check_stop
 from ...maps.coordinates import difference, turns_of, wrap
 from ...maps.orbit_batch import Orbits
@@ -18,7 +18,6 @@ from ...maps.side_by_side import advance_on_threads
 from ...orbits.attractor import Attractor, Cover, Kind
 from ...orbits.multipliers import multipliers_of
 from ...orbits.newton import resolution
-from ..matching import thinned
 from ..regions.boxes import boxes_around, boxes_of, distinct_boxes, inside_cover, moved_boxes
 from ..regions.tube import Curves, Tube, cover_of_tube, doubled
 from .cycles import verified_cycles

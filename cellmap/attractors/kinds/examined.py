@@ -60,6 +60,13 @@ class Examined:
         bound, images = far_bound(point_map, region), float(max(_IMAGES * len(states), AT_LEAST))
         return replace(empty, ways=ways, images=images, bound=bound if escape_on(path, bound) else None)
 
+    def of_sample(self, point_map: PointMap, states: Floats) -> Examined:
+        """Return what has been tried for a sample of states: nothing, where it has an extent of its own."""
+        own = region_extent(point_map, states, self.ways)
+        if np.array_equal(own, self.extent):
+            return self
+        return replace(self.nothing_yet(point_map, own), ways=self.ways, images=self.images, bound=self.bound)
+
     def afford(self, images: int) -> bool:
         """Take some of the images that are left; False where these are too few."""
         if images > self.images:
