@@ -66,16 +66,6 @@ def test_fractions_add_up_and_have_standard_errors():
         assert f.standard_error == pytest.approx(sqrt(f.fraction * (1 - f.fraction) / 3600), rel=1e-12)
 
 
-def test_repr_names_the_attractors_and_their_fractions():
-    basins = find_basins(stroboscopic_map(systems.driven_pendulum()), circle_grid(100.0, 40))
-    text = repr(basins)
-    assert text.startswith("Basins(driven pendulum, 1,600 initial conditions: fixed point (0, 0) ")
-    assert text.count(" %") == 2
-    assert len(text) < 200
-    undecided = find_basins(discrete_map(lambda x, p: (-x[0],), {}, ("x",), name="flip"), [[1.0], [2.0]], 40)
-    assert repr(undecided) == "Basins(flip, 2 initial conditions: undecided 100 %)"
-
-
 # --- codes
 
 

@@ -3,19 +3,17 @@
 import itertools
 import re
 from dataclasses import replace
-from math import pi, sin, tanh
+from math import pi, tanh
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from legends import legend_of
 from matplotlib.colors import to_rgb
 from PIL import Image
 
 import systems
 from cellmap import Basins, CellGrid, Label, angle, discrete_map, find_basins, interpolated_map, plot, stroboscopic_map
 from cellmap.analysis.resilience import basin_stability, settling_statistics
-from cellmap.bifurcations import bifurcation_diagram
 from cellmap.maps import Coordinate
 from cellmap.plot._axes import multiple_of_pi
 from cellmap.plot._colours import CODE_COLOURS, COLOURS, label_colours
@@ -106,24 +104,6 @@ def test_what_cannot_be_drawn_leaves_no_figure(shape, options, message):
     assert plt.get_fignums() == []
 
 
-def test_legend_names_each_attractor_its_fraction_and_what_is_lost(pendulum, lost):
-    entries = legend_of(plot.basins(pendulum))
-    assert len(entries) == 4
-    for entry, (label, fraction) in zip(entries, pendulum.fractions.items(), strict=True):
-        assert entry == f"{pendulum.label_name(label)}: {100 * fraction.fraction:.2f} %"
-    colours = [patch.get_facecolor()[:3] for patch in plot.basins(pendulum).get_legend().legend_handles]
-    assert np.allclose(colours, [*label_colours(pendulum.fractions).values()])
-    assert plot.basins(lost, legend=False).get_legend() is None
-    entries = legend_of(plot.basins(lost))
-    assert entries[-1].startswith("escaped: ")
-    assert len(entries) == len(lost.attractors) + 1
-    basins = two_wells((100, 100))
-    labels = np.zeros_like(basins.labels)
-    labels[3, 3] = 1
-    entries = legend_of(plot.basins(replace(basins, labels=labels)))
-    assert entries[1].endswith(": 0.01 %")
-
-
 def test_colours_of_codes_and_attractors_are_all_different(pendulum):
     assert CODE_COLOURS.keys() == set(Label)
     for a, b in itertools.combinations(map(to_rgb, [*CODE_COLOURS.values(), *COLOURS]), 2):
@@ -161,17 +141,6 @@ def test_colours_of_attractors_differ_for_all_eyes():
         assert nearest > (0.1 if eyes == "normal" else 0.07), eyes
 
 
-def test_chosen_colours(pendulum):
-    ax = plot.basins(pendulum, colours={0: "white", 1: "black"})
-    cells = image_of(ax)
-    assert (cells[(pendulum.labels == 0).T] == 1.0).all()
-    assert (cells[(pendulum.labels == 1).T] == 0.0).all()
-    assert label_colours(pendulum.fractions, {0: "white"})[2] == label_colours(pendulum.fractions)[2]
-    for wrong in ("no such colour", 17):
-        with pytest.raises(ValueError, match=r"colou?r|RGBA"):
-            plot.basins(pendulum, colours={0: wrong})
-
-
 def test_shade_makes_late_cells_paler_and_keeps_codes(lost):
     flat, shaded = image_of(plot.basins(lost)), image_of(plot.basins(lost, shade=True))
     times, escaped = lost.settling_time.T, (lost.labels == Label.ESCAPED).T
@@ -187,29 +156,6 @@ def test_shade_makes_late_cells_paler_and_keeps_codes(lost):
     labels, times = np.full_like(lost.labels, Label.UNDECIDED), np.full_like(lost.settling_time, -1)
     undecided = replace(lost, labels=labels, settling_time=times)
     assert np.array_equal(image_of(plot.basins(undecided, shade=True)), image_of(plot.basins(undecided)))
-
-
-def test_attractors_are_marked(pendulum):
-    ax = plot.basins(pendulum)
-    marked = np.concatenate([line.get_xydata() for line in ax.get_lines()])
-    for a in pendulum.attractors:
-        for point in a.points:
-            assert np.abs(marked - point).max(axis=1).min() < 1e-9
-    assert plot.basins(pendulum, show_attractors=False).get_lines() == []
-    for place in (-pi, pi):  # the inverted pendulum stands at both
-        assert np.abs(marked - [place, 0.0]).max(axis=1).min() < 1e-6
-
-
-def test_points_outside_do_not_widen_the_figure_and_a_chaotic_attractor_is_a_cloud():
-    exact = discrete_map(lambda x, p: (x[0] / 2 + 10, x[1] / 2), {}, ("x", "y"))
-    ax = plot.basins(find_basins(exact, CellGrid((-1, -1), (1, 1), (4, 4))))
-    assert (*ax.get_xlim(), *ax.get_ylim()) == (-1.0, 1.0, -1.0, 1.0)
-    basins = find_basins(systems.henon_map(), CellGrid((-2, -2), (2, 2), (20, 20)))
-    ax = plot.basins(basins)
-    (line,) = ax.get_lines()
-    assert len(line.get_xdata()) == len(basins.attractors[0].points)
-    assert legend_of(ax)[0].startswith("chaotic: 4")
-    assert legend_of(ax)[-1].startswith("diverged: ")
 
 
 def test_fractions_that_have_not_settled_fall_to_the_last_step():
@@ -228,62 +174,6 @@ def test_figure_can_be_written(pendulum, tmp_path):
     for colour in COLOURS[: len(pendulum.attractors)]:  # covers more than a legend does
         near = np.abs(seen - 255 * np.array(to_rgb(colour))).max(axis=1) < 2
         assert near.sum() > 200
-
-
-def test_basins_of_lines_and_of_lists():
-    """A line of cells is a strip of colours, a list of initial conditions one of points, in the chosen coordinates."""
-    line = discrete_map(lambda x, p: (1.5 * x[0] - x[0] ** 3,), {}, ("x",))
-    strip = plot.basins(find_basins(line, CellGrid((-1.5,), (1.5,), (30,))))
-    assert strip.images[0].get_array().shape == (1, 30, 3)
-    assert strip.get_xlabel() == "$x$"
-    ax = plot.basins(find_basins(line, np.linspace(-1.2, 1.1, 40)[:, None]))
-    assert sum(len(drawn.get_xdata()) for drawn in ax.lines[:2]) == 40
-    space = discrete_map(lambda x, p: (1.5 * x[0] - x[0] ** 3, 0.5 * x[1], 0.3 * x[2]), {}, ("x", "y", "z"))
-    basins = find_basins(space, np.random.default_rng(0).uniform(-1, 1, (50, 3)))
-    ax = plot.basins(basins, plane=("z", 0))
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$z$", "$x$")
-    drawn = np.concatenate([line.get_xydata() for line in ax.lines[:2]])
-    assert {tuple(row) for row in drawn} == {tuple(row) for row in basins.initial_conditions[:, [2, 0]]}
-
-
-def test_coordinates_without_a_common_phase():
-    """Phases on a ring: as differences to the second one, initial conditions and attractors are where all shifts are.
-
-    In step, all differences are 0; on a grid the attractor is where the grid holds the reference.
-    """
-
-    def ring(x, p):
-        return tuple(x[i] + 0.2 * (sin(x[i - 1] - x[i]) + sin(x[(i + 1) % 5] - x[i])) for i in range(5))
-
-    phases = discrete_map(ring, {}, [angle(f"phi_{i}") for i in range(5)])
-    initial_conditions = np.random.default_rng(0).uniform(-0.7, 0.7, (30, 5))
-    basins = find_basins(phases, initial_conditions)
-    ax = plot.basins(basins, plane=("phi_0", 2), reference="phi_1")
-    assert ax.get_xlabel().startswith(r"$\phi_{0}$ - $\phi_{1}$") and ax.get_ylabel().startswith(r"$\phi_{2}$ -")
-    expected = initial_conditions[:, [0, 2]] - initial_conditions[:, 1:2]
-    assert np.allclose(ax.lines[0].get_xydata(), expected, atol=1e-14)
-    assert np.abs(ax.lines[-1].get_xydata()).min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-9)
-    held = CellGrid((-0.7, 0.5, -0.7, -0.1, -0.1), (0.7, 0.7, 0.7, 0.1, 0.1), (4, 1, 4, 1, 1))
-    slice_of_grid = plot.basins(find_basins(phases, held, attractors=basins.attractors), reference="phi_1")
-    assert np.isclose(slice_of_grid.lines[-1].get_xydata(), 0.6, atol=1e-9).all(axis=1).any()
-    for reference, message in ((0, "on an axis"), (("phi_1", "phi_3"), "give 1 of"), ("x", "coordinates are")):
-        with pytest.raises(ValueError, match=message):
-            plot.basins(basins, plane=(0, 2), reference=reference)
-
-
-def test_points_of_a_diagram_are_larger_where_they_are_few_and_exponents_have_a_panel():
-    logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 3.0}, ("x",))
-    sizes = []
-    for values in ([2.8, 2.9], [3.2, 3.3], [3.9, 4.0]):
-        ax = plot.bifurcation_diagram(bifurcation_diagram(logistic, "r", values, [0.3]))[0]
-        sizes.append(ax.lines[0].get_markersize())
-    assert sizes == [3.0, pytest.approx(3.0 / np.sqrt(2.0)), pytest.approx(0.6)]
-    (ax,) = plot.bifurcation_diagram(bifurcation_diagram(logistic, "r", [3.2, 3.3], [0.3], exponents=False))
-    assert ax.figure.axes == [ax] and (ax.get_xlabel(), ax.get_ylabel()) == ("$r$", "$x$")
-    both = bifurcation_diagram(logistic, "r", [3.2, 3.3], [0.3], follow="both")
-    assert legend_of(plot.bifurcation_diagram(both)[0]) == ["up", "down"]
-    superstable = bifurcation_diagram(logistic, "r", [2.0], [0.3])
-    assert superstable.exponents.max() < -10.0 and len(plot.bifurcation_diagram(superstable)) == 2
 
 
 def test_attractors_with_many_coordinates_have_room_in_legends_and_at_bars():

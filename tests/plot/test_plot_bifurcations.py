@@ -10,11 +10,10 @@ import pytest
 from legends import legend_of
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
-from matplotlib.colors import same_color
 from numpy.typing import NDArray
 
 from cellmap import angle, continue_orbit, discrete_map, periodic_orbit, plot, stability_map, stroboscopic_map
-from cellmap.bifurcations import Branch, Cascade, Crossing, continue_bifurcation, period_doubling_cascade, switch_branch
+from cellmap.bifurcations import Branch, continue_bifurcation, switch_branch
 from cellmap.plot._stability import CROSSING_COLOURS
 from systems import driven_pendulum, henon_map, logistic_map
 
@@ -23,12 +22,6 @@ from systems import driven_pendulum, henon_map, logistic_map
 def logistic() -> Branch:
     exact = logistic_map(2.0)
     return continue_orbit(exact, periodic_orbit(exact, [0.5]), "mu", 0.5, 4.0)
-
-
-@pytest.fixture(scope="module")
-def cascade() -> Cascade:
-    exact = logistic_map(2.8)
-    return period_doubling_cascade(exact, periodic_orbit(exact, [0.5]), "mu", 4.0, doublings=3)
 
 
 @pytest.fixture(scope="module")
@@ -84,24 +77,6 @@ def test_all_points_of_an_orbit_or_the_first(logistic: Branch) -> None:
         np.testing.assert_allclose(marks(ax, "o")[:, 0], [1.0 + sqrt(6.0)] * count, rtol=1e-12)
 
 
-def test_branches_of_a_cascade_have_a_colour_each(cascade: Cascade) -> None:
-    ax = plot.branches(cascade.branches)
-    drawn = [line for line in ax.get_lines() if line.get_linestyle() == "-"]
-    assert len({line.get_color() for line in drawn}) == len(cascade.branches) == 3
-    # A doubling shows at each point of the orbit that doubles: 1 + 2 + 4 of them.
-    expected = np.repeat(cascade.values, [1, 2, 4])
-    np.testing.assert_allclose(np.sort(marks(ax, "o")[:, 0]), expected, rtol=1e-12)
-    # Each begins where the one before it doubles.
-    for line, value in zip(drawn[1:], cascade.values[:-1], strict=True):
-        assert np.nanmin(line.get_xdata()) == pytest.approx(value, rel=1e-12)
-    alone = plot.branches(cascade.branches[1])
-    assert np.nanmin(lines(alone, "-")[:, 0]) > cascade.values[0]
-    _, given = plt.subplots()
-    assert plot.branches(cascade.branches, coordinate=0, ax=given, colour="red", legend=False) is given
-    assert all(same_color(line.get_color(), "red") for line in given.get_lines())
-    assert given.get_legend() is None
-
-
 def test_an_angle_is_cut_at_its_branch_cut() -> None:
     # The fixed point is at theta = q, wherever that is on the circle.
     rotating = discrete_map(lambda x, p: (x[0] - 0.5 * np.sin(x[0] - p.q),), {"q": 0.5}, (angle("theta"),), "rotating")
@@ -138,17 +113,8 @@ def fixed_points() -> Branch:
     return continue_orbit(exact, periodic_orbit(exact, [0.5, 0.2]), "a", -0.5, 1.4, step=0.05)
 
 
-def test_a_fold_joins_both_parts(fixed_points: Branch) -> None:
-    ax = plot.branches(fixed_points, coordinate="y")
-    (fold,) = marks(ax, "s")
-    # a = -(1 - b)^2/4, where x = -(1 - b)/(2 a) and y = b x.
-    np.testing.assert_allclose(fold, [-0.1225, 0.3 * 0.7 / (2 * 0.1225)], rtol=1e-10)
-    for style in ("-", "--"):
-        assert np.nanmin(np.abs(lines(ax, style) - fold).sum(axis=1)) < 1e-10
-
-
-def test_what_is_no_branch_is_refused(logistic: Branch, cascade: Cascade) -> None:
-    for wrong in (cascade, [], [logistic, 3]):
+def test_what_is_no_branch_is_refused(logistic: Branch) -> None:
+    for wrong in (3, [], [logistic, 3]):
         with pytest.raises(TypeError, match="branches="):
             plot.branches(wrong)  # type: ignore[arg-type]
     other = replace(logistic, parameter="nu")
@@ -176,44 +142,6 @@ def test_classes_and_boundaries_are_those_of_the_map(henon: Any) -> None:
         np.testing.assert_array_equal(line.get_xydata(), np.stack([curve.x, curve.y], axis=-1))
         assert line.get_color() == CROSSING_COLOURS[curve.crossing]
         np.testing.assert_allclose(curve.x, 0.75 * (1.0 - curve.y) ** 2, rtol=1e-10)
-
-
-def test_boundaries_alone_in_given_colours() -> None:
-    axes = ("frequency", np.linspace(40.0, 60.0, 9)), ("amplitude", np.linspace(1e-4, 0.014, 40))
-    found = stability_map(driven_pendulum(), [pi, 0.0], *axes)
-    _, given = plt.subplots()
-    ax = plot.stability_map(found, ax=given, colours={Crossing.MINUS_ONE: "red"}, background=False)
-    assert ax is given
-    assert not any(isinstance(c, QuadMesh) for c in ax.collections)
-    assert ax.patch.get_hatch() is None
-    assert legend_of(ax) == ["multiplier +1", "multiplier −1"]
-    assert {line.get_color() for line in ax.get_lines()} == {CROSSING_COLOURS[Crossing.PLUS_ONE], "red"}
-    whole = plot.stability_map(found)
-    assert whole.patch.get_hatch() is None
-    assert legend_of(whole)[:2] == ["stable", "1 multiplier outside"]
-    assert plot.stability_map(found, legend=False).get_legend() is None
-
-
-def test_measured_points_are_white_dots_over_the_map(henon: Any) -> None:
-    points = np.array([[0.4, 0.2], [0.9, -0.1]])
-    ax = plot.stability_map(henon, measured=points)
-    ((marks_, caps, bars),) = ax.containers
-    np.testing.assert_array_equal(marks_.get_xydata(), points)
-    assert same_color(marks_.get_markerfacecolor(), "white")
-    assert same_color(marks_.get_markeredgecolor(), "black")
-    assert not caps and not bars
-    assert marks_.get_zorder() > max(line.get_zorder() for line in ax.get_lines() if line is not marks_)
-    assert legend_of(ax)[-1] == "measured"
-    assert (*ax.get_xlim(), *ax.get_ylim()) == (-0.6, 1.2, -0.5, 0.5)
-    # Amplitudes in mm on a map in m would be out of sight.
-    ax = plot.stability_map(henon, measured=[[0.4, 0.2], [0.4, 200.0], [-0.7, 0.1]])
-    assert legend_of(ax)[-1] == "measured (2 of 3 outside of the map)"
-    # Errors stand up and down.
-    ax = plot.stability_map(henon, measured=[[0.4, 0.2, 0.05], [0.9, -0.1, 0.0]], background=False, legend=False)
-    ((_, _, (bars,)),) = ax.containers
-    ends = np.array(bars.get_segments())
-    np.testing.assert_allclose(ends, [[[0.4, 0.15], [0.4, 0.25]], [[0.9, -0.1], [0.9, -0.1]]], rtol=1e-14)
-    assert ax.get_legend() is None
 
 
 @pytest.mark.parametrize(

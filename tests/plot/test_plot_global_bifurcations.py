@@ -9,7 +9,7 @@ from matplotlib.patches import Polygon
 
 from cellmap import ForcedSystem, angle, discrete_map, periodic_orbit, plot, stroboscopic_map
 from cellmap.bifurcations import AttractorAtlas, arnold_tongue, attractor_atlas, connecting_orbits
-from cellmap.bifurcations.circle_branches import CircleBranch, continue_circle
+from cellmap.bifurcations.circle_branches import continue_circle
 from cellmap.bifurcations.connecting_branches import ConnectionBranch, continue_connection, continue_tangency
 from systems import henon_map
 
@@ -19,47 +19,6 @@ def branch() -> ConnectionBranch:
     exact = discrete_map(lambda x, p: (p.a - x[0] ** 2 + p.b * x[1], x[0]), {"a": 1.4, "b": -0.3}, ("x", "y"))
     orbit = connecting_orbits(exact, periodic_orbit(exact, [-2.0, -2.0]), max_steps=17, n_samples=2048)[0]
     return continue_connection(orbit, "a", 1.25, 1.45, step=0.1)
-
-
-@pytest.fixture(scope="module")
-def circles() -> CircleBranch:
-    delayed = discrete_map(lambda x, p: (p.a * x[0] * (1 - x[1]), x[0]), {"a": 2.0}, ("x", "y"))
-    return continue_circle(delayed, "a", [2.05, 2.1, 2.18, 2.26], [0.5, 0.4])
-
-
-def test_a_branch_of_connecting_orbits(branch: ConnectionBranch) -> None:
-    ax = plot.connections(branch)
-    _, curve, mark = ax.lines
-    np.testing.assert_array_equal(curve.get_xdata(), branch.values)
-    np.testing.assert_array_equal(curve.get_ydata(), branch.angles)
-    assert (*mark.get_xdata(), *mark.get_ydata()) == pytest.approx((1.314527109326, 0.0), abs=1e-10)
-    assert len(plot.connections([branch, branch], legend=False).lines) == 4
-
-
-def test_rotation_numbers(circles: CircleBranch) -> None:
-    assert [str(s) for s in circles.status] == ["smooth", "smooth", "locked", "broken"]
-    ax = plot.invariant_circles(circles)
-    smooth, locked, broken = ax.lines
-    np.testing.assert_array_equal(smooth.get_ydata(), circles.rotation[:2])
-    assert locked.get_ydata() == pytest.approx([1.0 / 7.0])
-    assert broken.get_xdata() == pytest.approx([2.26])
-    assert [t.get_text() for t in ax.get_legend().get_texts()] == ["smooth", "locked", "broken"]
-    decay = plot.invariant_circles(circles, show="decay", legend=False)
-    np.testing.assert_array_equal(decay.lines[0].get_ydata(), circles.decay[:2])
-
-
-def test_circles_are_curves_that_close(circles: CircleBranch) -> None:
-    ax = plot.invariant_circles(circles, show="circles", coordinates=("y", "x"))
-    assert len(ax.lines) == 2
-    y, x = ax.lines[1].get_data()
-    assert np.hypot(x[0] - x[-1], y[0] - y[-1]) < 1e-12
-    # Each point is above the one before it: (x, y) -> (., x).
-    assert np.ptp(x) == pytest.approx(np.ptp(y), rel=1e-3)
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$y$", "$x$")
-    with pytest.raises(ValueError, match="show='curves'"):
-        plot.invariant_circles(circles, show="curves")
-    with pytest.raises(ValueError, match=r"the coordinates are \['x', 'y'\]"):
-        plot.invariant_circles(circles, show="circles", coordinates=("x", "z"))
 
 
 def test_parameters_have_their_units_on_axes(branch: ConnectionBranch) -> None:
@@ -98,18 +57,6 @@ def test_tongues() -> None:
 def atlas() -> AttractorAtlas:
     axes = ("a", np.linspace(0.0, 0.7, 15)), ("b", np.linspace(0.1, 0.4, 7))
     return attractor_atlas(henon_map(0.2, 0.3), *axes, [[0.0, 0.0]])
-
-
-def test_the_classes_and_curves(atlas: AttractorAtlas) -> None:
-    ax = plot.attractor_atlas(atlas)
-    (image,) = ax.collections
-    assert image.get_array().shape == (7, 15)
-    np.testing.assert_array_equal(np.asarray(image.get_array()).astype(int), atlas.classes[0])
-    (line,) = ax.lines
-    np.testing.assert_array_equal(line.get_xdata(), atlas.curves[0].values[:, atlas.curves[0].parameters.index("a")])
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["1", "2", "period doubling"]
-    (image,) = plot.attractor_atlas(atlas, show=1, curves=False).collections
-    np.testing.assert_array_equal(np.asarray(image.get_array()), atlas.fraction(1))
 
 
 def test_further_curves(atlas: AttractorAtlas, branch: ConnectionBranch) -> None:

@@ -82,17 +82,6 @@ def test_cuts_on_a_torus_keep_every_piece_inside():
     assert steps.sum(axis=0) == pytest.approx(curve[-1] - curve[0])
 
 
-def test_a_panel_for_each_coordinate_and_a_curve_for_each_initial_condition(motion):
-    panels = plot.time_series(motion)
-    assert [p.get_ylabel() for p in panels] == [r"$\theta$ (rad)", "$v$ (rad/s)"]
-    assert panels[-1].get_xlabel() == "$t$"
-    assert panels[0].get_title() == "pendulum"
-    for panel in panels:
-        assert len(curves(panel)) == len(marks(panel)) == 2
-        assert panel.get_xlim() == pytest.approx((0.0, 6 * pi))
-    assert np.array_equal(curves(panels[1])[1].get_xydata(), np.stack([motion.times, motion.states[:, 1, 1]], -1))
-
-
 def test_no_line_runs_across_the_branch_cut(motion):
     (panel,) = plot.time_series(motion, names="theta")
     swing, rotation = (line.get_ydata() for line in curves(panel))
@@ -102,17 +91,6 @@ def test_no_line_runs_across_the_branch_cut(motion):
     assert np.count_nonzero(np.isnan(rotation)) == crossings
     assert np.nanmax(np.abs(np.diff(rotation))) < pi
     assert np.nanmax(np.abs(rotation)) == pytest.approx(pi)
-
-
-def test_stroboscopic_points_lie_on_top(motion):
-    panels = plot.time_series(motion)
-    for j, panel in enumerate(panels):
-        for i, line in enumerate(marks(panel)):
-            assert line.get_ydata() == pytest.approx(motion.strobe[:, i, j])
-            assert line.get_xdata() == pytest.approx(np.arange(4) * 2 * pi)
-            assert line.get_zorder() > curves(panel)[i].get_zorder()
-            assert line.get_color() == curves(panel)[i].get_color()
-    assert all(marks(panel) == [] for panel in plot.time_series(motion, stroboscopic=False))
 
 
 def test_one_initial_condition_and_many_axes_of_initial_conditions():
@@ -125,17 +103,6 @@ def test_one_initial_condition_and_many_axes_of_initial_conditions():
     assert not any("pi" in t for t in texts)
     many = trajectory(PENDULUM, np.full((2, 3, 2), 0.1), 1)
     assert len(curves(plot.time_series(many)[0])) == 6
-
-
-def test_outputs_are_drawn_component_by_component_on_given_panels_with_labels(motion):
-    panels = plot.time_series(motion, names=("v", "energy", "tip"))
-    assert [p.get_ylabel() for p in panels] == ["$v$ (rad/s)", "energy", "tip[0]", "tip[1]", "tip[2]"]
-    assert np.array_equal(curves(panels[1])[0].get_ydata(), motion.output("energy")[:, 0, 0])
-    plt.close("all")
-    _, panels = plt.subplots(2)
-    assert plot.time_series(motion, ax=panels, labels=["swing", "turn"]) == tuple(panels)
-    assert [t.get_text() for t in panels[0].get_legend().get_texts()] == ["swing", "turn"]
-    assert len(plt.get_fignums()) == 1
 
 
 @pytest.mark.parametrize(
@@ -165,25 +132,6 @@ def test_figures_of_motions_check_their_arguments(motion, figure, arguments, mes
     with pytest.raises((ValueError, TypeError, FileNotFoundError), match=message):
         getattr(plot, figure)(motion, **arguments)
     assert plt.get_fignums() == []
-
-
-def test_portrait_on_the_circle_and_by_names_with_an_angle_upwards(motion):
-    ax = plot.phase_portrait(motion, labels=["swing", "turn"])
-    ax.figure.canvas.draw()
-    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\theta$ (rad)", "$v$ (rad/s)")
-    assert ax.get_xlim() == pytest.approx((-pi, pi))
-    ticks = [t.get_text() for t, x in zip(ax.get_xticklabels(), ax.get_xticks(), strict=True) if abs(x) < pi + 1e-9]
-    assert ticks == [r"$-\pi$", r"$-\pi/2$", "0", r"$\pi/2$", r"$\pi$"]
-    for line in curves(ax):
-        assert np.nanmax(np.abs(np.diff(line.get_xdata()))) < pi
-    assert np.isnan(curves(ax)[1].get_xdata()).any()
-    for i, line in enumerate(marks(ax)):
-        assert line.get_xydata() == pytest.approx(motion.strobe[:, i])
-    ax = plot.phase_portrait(motion, coordinates=("v", "theta"), stroboscopic=False)
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$v$ (rad/s)", r"$\theta$ (rad)")
-    assert ax.get_ylim() == pytest.approx((-pi, pi))
-    assert marks(ax) == []
-    assert plot.phase_portrait(motion, ax=ax) is ax
 
 
 def test_a_gif_has_a_frame_for_every_so_many_samples(motion, tmp_path):

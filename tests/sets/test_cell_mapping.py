@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from maps_of_cells import AWAY, FIVE, FIVE_CELLS, HALVES, NEWTON, POWERS, TURNING
+from maps_of_cells import AWAY, FIVE, FIVE_CELLS, NEWTON, POWERS, TURNING
 
 import systems
 from cellmap import CellGrid, discrete_map, find_basins, interpolated_map
@@ -197,9 +197,3 @@ class TestBasins:
             basins = mapping.basins(refine=refine)
             assert basins.attractors == ()
             assert (basins.labels == -1).all()
-
-
-def test_repr():
-    """The centre 0.4 goes to 0.2, the lower edge of its own cell, which is periodic as the one around 0 is."""
-    text = repr(simple_cell_mapping(HALVES, FIVE_CELLS))
-    assert text == "CellMapping(halves, 5 cells, 2 periodic groups, 0 % escape)"

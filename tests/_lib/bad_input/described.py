@@ -9,6 +9,7 @@ import functools
 import inspect
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -24,6 +25,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import public_calls
+import small_systems
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import Collection
@@ -102,6 +104,8 @@ def _parts(thing: Any, path: str) -> Iterator[tuple[str, Any]]:
         yield from (("", entry) for entry in thing)
     else:
         yield "", str(thing)
+        if not path and hasattr(thing, "_repr_html_"):
+            yield "html", re.sub('src="[^"]*"', "", thing._repr_html_())
         if isinstance(thing, PointMap | ForcedSystem):
             if path:
                 return
@@ -249,7 +253,7 @@ def _write(by: float) -> None:
             plt.close("all")
             return plain(name, arguments)
 
-    public_calls.called = called
+    public_calls.called, small_systems.NUDGE = called, by
     warnings.simplefilter("ignore")
     set_threads(1)
     found = {}

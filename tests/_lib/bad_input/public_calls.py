@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import small_systems as small
 import sympy
+from further_calls import FURTHER
 
 import cellmap
 import systems
@@ -276,7 +277,9 @@ def cases(name: str) -> Mapping[str, Mapping[str, Any]]:
     if "plan" in re.split(r"[._]", name.lower()) or name in ("Option.meets", "TransferOperator.cycle"):
         return {}
     turned = {p.name: not p.default for p in parameters(name) if isinstance(p.default, bool) and p.name != "progress"}
-    return {name: good_arguments(name), " ".join([name, *turned]): {**good_arguments(name), **turned}}
+    further = {key: changes() for key, changes in FURTHER.items() if key.split()[0] == name}
+    changed = {name: {}, " ".join([name, *turned]): turned, **further}
+    return {key: {**good_arguments(name), **changes} for key, changes in changed.items()}
 
 
 RECORDS = {*MADE_BY, *BY_HAND, *WITH_METHODS}

@@ -20,6 +20,9 @@ def spiral(t: Any, x: Any, p: Any) -> tuple[Any, Any]:
     return x[1], -x[0] - 2 * p.d * x[1]
 
 
+NUDGE = 1.0
+"""A factor that hardly differs from 1 where results are looked for that depend on rounding."""
+
 WINDOW = CellGrid((-1.5, -1.0), (1.5, 1.0), (12, 8))
 POINTS = np.array([[0.4, 0.1], [-0.3, 0.2]])
 CLOUD = np.random.default_rng(0).random((2000, 2))

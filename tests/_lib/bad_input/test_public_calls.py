@@ -7,6 +7,7 @@ import re
 import signal
 import time
 import warnings
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import date
 from decimal import Decimal
@@ -46,7 +47,7 @@ from cellmap.maps.tangent import NotDifferentiableError
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
-RESULTS = Path(__file__).parents[2] / "reference/results.json"
+RESULTS, ERRORS = (Path(__file__).parents[2] / f"reference/{name}.json" for name in ("results", "errors"))
 
 LONGEST = 120.0
 """Seconds after which a call counts as one that does not end."""
@@ -241,6 +242,56 @@ def test_a_wrong_first_argument_is_refused_and_results_are_what_they_were(
             lines = (f"{json.dumps(k)}: {json.dumps(v, sort_keys=True)}" for k, v in sorted(results().items()))
             RESULTS.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
         assert not differences(found, results()[key])
+
+
+@cache
+def errors() -> dict[str, dict[str, str]]:
+    """Return by functions what is wrong, an argument and its value, and the error with gaps for these two."""
+    found: dict[str, dict[str, str]] = defaultdict(dict)
+    for message, calls in json.loads(ERRORS.read_text(encoding="utf-8")).items():
+        for name, _, wrong in (call.partition(" ") for call in calls):
+            found[name][wrong] = message
+    return found
+
+
+def lasting(error: Exception, name: str, arguments: Mapping[str, Any]) -> bool:
+    """Whether an error names an argument, and nothing that is of one machine only, or lists of other libraries."""
+    said = str(error)
+    good = names_an_argument(said, name) and not strange_words(said, name, arguments)
+    return good and type(error) in OWN_ERRORS and not re.search(r" at 0x|[kMG]B\b|/|.{300}", said)
+
+
+NOT_TAKEN = {repr(v): v for v in (-1, 0, 1, nan, inf, 2.5, (nan, 1.0), (2.0, 1.0), [[0.5, 0.2, 0.1]], (), "x", None)}
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_errors_name_arguments_of_the_function_and_are_what_they_were(
+    name: str, request: pytest.FixtureRequest
+) -> None:
+    """Those that come at once, of each kind one; what is refused changes on purpose only, as results do."""
+    update, found = request.config.getoption("--update-reference"), {}
+    for p, (text, value) in itertools.product(parameters(name), NOT_TAKEN.items()):
+        wrong, began = f"{p.name}={text}", time.process_time()
+        if not update and wrong not in errors()[name]:
+            continue
+        arguments = {**good_arguments(name), p.name: value}
+        try:
+            called(name, arguments)
+        except Exception as error:
+            message = str(error).replace(wrong, "<wrong>")
+            new = all(m != message for w, m in found.items() if w.startswith(f"{p.name}="))
+            if not update or (new and time.process_time() - began < 0.01 and lasting(error, name, arguments)):
+                found[wrong] = message
+    plt.close("all")
+    if update:
+        errors()[name] = found
+        calls: dict[str, list[str]] = defaultdict(list)
+        for function, every in sorted(errors().items()):
+            for wrong, message in every.items():
+                calls[message].append(f"{function} {wrong}")
+        lines = (f"{json.dumps(message)}: {json.dumps(calls[message])}" for message in sorted(calls))
+        ERRORS.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+    assert found == errors()[name]
 
 
 def test_ranges_without_end_are_refused_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

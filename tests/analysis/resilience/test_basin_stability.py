@@ -15,7 +15,6 @@ from cellmap.analysis.resilience import (
     basin_stability,
     largest_ball,
     local_integrity,
-    minimal_fatal_shock,
     settling_statistics,
     tipping_probabilities,
 )
@@ -177,17 +176,3 @@ def test_figures(disc: Basins, pendulum: Basins, line: Basins, shocks: list[Fata
     for draw in (plot.basin_stability, plot.settling_times, plot.tipping):
         with pytest.raises(TypeError, match=r"=3: give .*, made by"):
             draw(3)  # type: ignore[operator]
-
-
-def test_records_say_what_they_are_in_one_line(disc: Basins, line: Basins) -> None:
-    records = [
-        basin_stability(disc, n_samples=50),
-        settling_statistics(disc),
-        settling_statistics(disc).basins[0],
-        minimal_fatal_shock(disc, 0, n_trials=64),
-        local_integrity(disc, 0, refine=False),
-        tipping_probabilities(line, line),
-    ]
-    for record in records:
-        assert "\n" not in repr(record)
-        assert len(repr(record)) < 250
