@@ -146,6 +146,14 @@ def test_a_state_is_an_array_where_arithmetic_is_done_with_all_of_it(rhs):
     assert np.abs(np.subtract(*[s([[0.1, 0.8, 0.2], [0.3, 0.5, -0.1]]) for s in sections])).max() < 1e-9
 
 
+def test_what_is_sorted_is_compiled_or_has_branches():
+    """Order statistics of four states, whose comparisons depend on one another; the motion is that of SciPy."""
+    begin = np.array([0.3, -0.4, 0.55, 0.2])
+    for rhs in (lambda t, x, p: -x - 0.1 * np.sort(x), lambda t, x, p: -x - np.median(x)):
+        exact = solve_ivp(lambda t, x, f=rhs: f(t, x, None), (0.0, 2.0), begin, rtol=1e-11, atol=1e-12).y[:, -1]
+        assert stroboscopic_map(ForcedSystem(rhs, {}, 2.0, tuple("abcd")))(begin) == pytest.approx(exact, abs=1e-8)
+
+
 def test_functions_of_maps_take_states_as_arrays():
     image = discrete_map(lambda x, p: K @ x - 0.1 * x**3, {}, ("x", "y"), ends={"far": lambda x, p: x @ x - 9.0})
     assert np.array_equal(image([1.0, 0.5]), K @ [1.0, 0.5] - 0.1 * np.array([1.0, 0.125]))

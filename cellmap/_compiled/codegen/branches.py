@@ -312,13 +312,15 @@ def initial_functions(graph: BranchingGraph, modes: Sequence[Switch]) -> list[Ex
     functions: dict[Expression, Expression] = {}
     signs: dict[Expression, Expression] = {}
 
-    def find(switch: Switch) -> None:
+    def find(switch: Switch, above: frozenset[Expression] = frozenset()) -> None:
         if switch.sign in functions:
             return
+        if switch.sign in above:
+            raise UntraceableError("it compares values that comparisons of these have chosen: choose by min and max")
         needed = {e for e in in_order([switch.function]) if e.operation == "sign" and e is not switch.sign}
         for other in modes:
             if other.sign in needed:
-                find(other)
+                find(other, above | {switch.sign})
         known = {**signs, switch.sign: graph.constant(1.0)}
         (functions[switch.sign],) = graph.substituted([switch.function], known, graph.plain)
         signs[switch.sign] = graph.plain("floor" if switch.counts else "side", functions[switch.sign])
