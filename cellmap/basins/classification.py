@@ -14,7 +14,7 @@ from .._lib.arrays import Floats, Ints
 from .._lib.checks import listed, real_array, shown, whole_number
 from ..attractors.given import check_attractors
 from ..attractors.kinds.creeping import settled_at_last
-from ..attractors.labels import LABEL_NAMES
+from ..attractors.labels import LABEL_NAMES, Label
 from ..attractors.search import MAX_PERIODS
 from ..attractors.settling.escape import far_bound
 from ..attractors.settling.settle import Catalogue, Classified, Rule, classify
@@ -143,7 +143,12 @@ def _numbers(outcome: Outcome, points: Floats) -> Ints:
 
 
 def own_label(basins: Basins, label: int, argument: str = "label") -> int:
-    """Check the label of a basin."""
+    """Check the label of a basin of an attractor."""
+    if isinstance(label, int | np.integer) and label <= Label.ENDED and label in basins.fractions:
+        raise ValueError(
+            f"{argument}={label!r}: {basins.label_name(label)!r} is an end, where no orbit stays; give the label of an "
+            f"attractor, 0 to {len(basins.attractors) - 1}"
+        )
     number = whole_number(argument, label) if not isinstance(label, int | np.integer) or label >= 0 else -1
     if not 0 <= number < len(basins.attractors):
         raise ValueError(

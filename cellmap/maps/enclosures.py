@@ -170,6 +170,11 @@ def _enclosable(point_map: PointMap) -> Discrete | Stroboscopic:
             f"point_map={point_map!r}: only formulas are enclosed; write the function with plain arithmetic and "
             "functions of math"
         )
+    if point_map.ends:
+        raise ValueError(
+            f"point_map={point_map!r}: orbits that end ({', '.join(point_map.ends)}) are not enclosed; give the map of "
+            "the system without ends to prove what its attractors attract, or certify basins with ends by samples"
+        )
     if not isinstance(spec, Discrete | Stroboscopic):
         raise TypeError(
             f"point_map={point_map!r}: this kind of map has no enclosure; give one of discrete_map or stroboscopic_map"

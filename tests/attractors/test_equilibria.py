@@ -1,6 +1,7 @@
 """Sticking sets: continua of equilibria with dry friction."""
 
 from math import asin, cos, pi
+from typing import Any
 
 import numpy as np
 import pytest
@@ -234,3 +235,24 @@ def test_circles_of_fixed_points_and_of_cycles(sign: float, period: int) -> None
     for k, r in enumerate((1.0, np.sqrt(3.0))):
         assert np.linalg.norm(basins.attractors[k].points, axis=1) == pytest.approx(r, abs=1e-3)
         assert np.array_equal(basins.labels == k, (radius > np.sqrt(2.0)) == bool(k))
+
+
+def test_a_region_in_which_all_states_rest_is_one_attractor() -> None:
+    def pulled(t: float, x: Any, p: Any) -> Any:
+        force = p.a * (1.0 + 0.3 * cos(t)) ** 2 / (1.0 - x[0]) ** 2
+        return (0.0, 0.0) if x[0] > 0.95 else (x[1], -x[0] - 0.1 * x[1] + force)
+
+    def free(t: float, x: Any, p: Any) -> Any:
+        return x[1], -x[0] - 0.1 * x[1] + p.a * (1.0 + 0.3 * cos(t)) ** 2 / (1.0 - x[0]) ** 2
+
+    grid, ends = CellGrid((-0.9, -1.0), (0.9, 1.0), (12, 12)), {"pulled in": lambda t, x, p: x[0] - 0.95}
+    resting, ended = (
+        find_basins(stroboscopic_map(ForcedSystem(rhs, {"a": 0.1}, 2.0 * pi, ("x", "v"), **more)), grid)
+        for rhs, more in ((pulled, {}), (free, {"ends": ends}))
+    )
+    assert [a.kind for a in resting.attractors] == [Kind.FIXED_POINT, Kind.EQUILIBRIA]
+    known = resting.labels >= 0
+    assert known.mean() > 0.99
+    assert ((resting.labels == 1) == (ended.labels < 0))[known].all()
+    everywhere = find_basins(discrete_map(lambda x, p: (1.0 * x[0], 1.0 * x[1]), {}, ("x", "y")), grid)
+    assert len(everywhere.attractors) == 1 and (everywhere.labels == 0).all()

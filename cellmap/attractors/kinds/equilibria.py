@@ -53,7 +53,8 @@ def sticking_sets(
     """Return the attracting sticking sets (continua of equilibria) on which some orbits rest, without the known ones.
 
     An equilibrium counts where the map leaves it in place to rounding, together with its neighbours along at least one
-    axis, and its derivative contracts in all other directions: so it does in the interior of the friction cone.  From
+    axis, and its derivative contracts in all other directions: so it does in the interior of the friction cone.  Or
+    neighbours along all axes stay in place, as where a right-hand side is zero beyond a limit.  From
     there the set is explored, box by box, along those axes.  A set has a sample of its points, and boxes that hold it.
     """
     exact = point_map.without_table
@@ -104,14 +105,14 @@ def _explored(exact: PointMap, place: Floats, extent: Floats, region: Floats) ->
     matrix = tangent(exact, place)[1] * (extent / extent[:, None])
     multipliers = multipliers_of(matrix)
     sizes = np.abs(multipliers)
-    if not (np.isfinite(sizes).all() and sizes.max() <= 1.0 + 1e-6 and sizes.min() < 1.0 - 1e-3):
+    if not (np.isfinite(sizes).all() and sizes.max() <= 1.0 + 1e-6):
         return None
     unit = np.eye(d) * extent
     probe = np.maximum(_PROBE, _RESOLVED * resolution(place, extent) / extent)
     wide = np.array(
         [_rests(exact, place + probe[j] * np.array([[1.0], [-1.0]]) * unit[j], extent).any() for j in range(d)]
     )
-    if not wide.any() or wide.all():
+    if not wide.any() or not (wide.all() or sizes.min() < 1.0 - 1e-3):
         return None
     reaches = np.array([_reach(exact, place, unit[j], extent, probe[j]) if wide[j] else 0.0 for j in range(d)])
     across = min(_BOXES, int(_MOST_BOXES ** (1.0 / np.count_nonzero(wide))) // 2)
