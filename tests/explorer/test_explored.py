@@ -13,6 +13,7 @@ from matplotlib.colors import to_rgb
 
 import systems
 from cellmap import CellGrid, ForcedSystem, PointMap, discrete_map, stroboscopic_map
+from cellmap.attractors.labels import Label
 from cellmap.explorer import Explored, ExploredScene
 from cellmap.explorer.equations import typed_system
 from cellmap.explorer.explored import explored_of, load_gallery
@@ -68,9 +69,12 @@ def test_colours_of_the_page_are_those_of_the_figures(request: pytest.FixtureReq
     """`pytest --update-reference` writes the colours of cellmap.plot into the page."""
     page = PAGE / "colours.js"
     codes = {int(code): [round(255 * part) for part in to_rgb(colour)] for code, colour in CODE_COLOURS.items()}
-    lines = [f"const COLOURS = {json.dumps(COLOURS)};", f"const CODES = {json.dumps(codes)};"]
+    lines = [
+        f"const {name} = {json.dumps(value)};"
+        for name, value in (("COLOURS", COLOURS), ("CODES", codes), ("ENDED", int(Label.ENDED)))
+    ]
     kept = page.read_text(encoding="utf-8")
-    wanted = re.sub(r"^const (COLOURS|CODES) = .*$", lambda _: lines.pop(0), kept, flags=re.MULTILINE)
+    wanted = re.sub(r"^const (COLOURS|CODES|ENDED) = .*$", lambda _: lines.pop(0), kept, flags=re.MULTILINE)
     if request.config.getoption("--update-reference"):
         page.write_text(wanted, encoding="utf-8")
     assert page.read_text(encoding="utf-8") == wanted

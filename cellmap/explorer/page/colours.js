@@ -4,9 +4,10 @@
 // steps, doubtful, ended.
 const COLOURS = ["#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#5C005C", "#0000B8", "#990A00", "#AD00FF", "#70F5AD", "#5C4770", "#A37AFF", "#C2E0FF", "#995233", "#523DCC", "#85B87A", "#700029", "#3D1485"];
 const CODES = {"-1": [184, 184, 184], "-2": [115, 115, 115], "-3": [0, 0, 0], "-4": [61, 61, 61], "-5": [255, 255, 255], "-6": [107, 68, 35], "-7": [138, 138, 0], "-8": [187, 0, 136]};
+const ENDED = -8;
 
 export function colourOf(number) {
-  if (number < 0) return CODES[Math.max(number, -8)].map((c) => Math.round(255 - (255 - c) * 0.7 ** Math.max(0, -8 - number)));
+  if (number < 0) return CODES[Math.max(number, ENDED)].map((c) => Math.round(255 - (255 - c) * 0.7 ** Math.max(0, ENDED - number)));
   const value = parseInt(COLOURS[number % COLOURS.length].slice(1), 16);
   const paler = 0.55 ** Math.floor(number / COLOURS.length);
   return [value >> 16, (value >> 8) & 255, value & 255].map((c) => Math.round(255 - (255 - c) * paler));
