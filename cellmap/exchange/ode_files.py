@@ -78,7 +78,7 @@ class OdeFile:
 
 
 class _Refusal(Exception):
-    """A part of one line that cannot be read."""
+    """A part of one line that cannot be read; then a pattern that finds the line, where the reason does not know it."""
 
 
 @dataclass
@@ -127,7 +127,8 @@ def read_ode(path: str | PathLike[str], period: float | Callable[[Any], float] =
     file, refused, model = as_path("path", path), [], _Model()
     if not file.is_file():
         raise FileNotFoundError(f"path={str(path)!r}: there is no such file")
-    for number, line in _lines(file.read_text(encoding="utf-8", errors="replace")):
+    statements = list(_lines(file.read_text(encoding="utf-8", errors="replace")))
+    for number, line in statements:
         try:
             if _read(model, line) == "done":
                 break
@@ -151,7 +152,9 @@ def read_ode(path: str | PathLike[str], period: float | Callable[[Any], float] =
         if unknown := {name for _, _, reset in model.events for name in reset} - model.rates.keys():
             raise _Refusal(f"global sets {', '.join(sorted(unknown))}, which is no variable: make it one, with rate 0")
     except _Refusal as refusal:
-        raise ValueError(f"path={str(path)!r}: {refusal}") from None
+        reason, *pattern = refusal.args
+        places = [f"line {n}, {abridged(line)}: " for n, line in statements if pattern and re.search(pattern[0], line)]
+        raise ValueError(f"path={str(path)!r}: {''.join(places[:1])}{reason}") from None
     parameters = {renamed.get(name, name): value for name, value in model.parameters.items()}
     name = file.stem
     system: ForcedSystem | PointMap
@@ -365,9 +368,9 @@ class _Functions:
             if name in self._known or name in lines:
                 continue
             if name in above:
-                raise _Refusal(f"{name[2:]} is defined by itself")
+                raise _Refusal(f"{name[2:]} is defined by itself", rf"^{name[2:]}\s*(\(.*\))?\s*=")
             if name not in self._lines:
-                raise _Refusal(f"{name[2:]} is not defined in it")
+                raise _Refusal(f"{name[2:]} is not defined in it", rf"\b{name[2:]}\b")
             needs, line = self._lines[name]
             self._need(needs, lines, (*above, name))
             lines[name] = line
