@@ -81,14 +81,6 @@ def test_rotations_are_counted_from_the_initial_condition(rotation: PointMap) ->
     assert images.rotations.tolist() == [[35, 0], [-28, 0], [1, 0], [0, 0]]
 
 
-def test_iterates_say_what_they_are(henon: PointMap) -> None:
-    images = henon.iterate([[1e9, 0.0], [0.1, 0.1], [0.2, 0.1]], 50)
-    assert repr(images) == "Iterate(2 ok, 1 diverged)"
-    assert np.array_equal(np.asarray(images), images.points, equal_nan=True)
-    assert np.asarray(images, dtype=np.float32).dtype == np.float32
-    assert repr(henon) == "PointMap(discrete of Henon: a=1.4, b=0.3)"
-
-
 def test_memory_is_refused_before_it_is_taken(henon: PointMap, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cellmap._lib.checks, "memory_available", lambda: 10**6)
     monkeypatch.setattr(cellmap._lib.checks, "_ALWAYS_FREE", 0)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cellmap import Coordinate, ForcedSystem, angle, discrete_map, stroboscopic_map
+from cellmap import ForcedSystem, angle, discrete_map, stroboscopic_map
 from cellmap.maps import swept_map
 
 
@@ -31,16 +31,6 @@ def test_the_right_hand_side_in_plain_python_and_for_scipy() -> None:
     assert one.derivative(0.0, [1.0, 2.0]) == (2.0, -0.3 + 0.2)
     assert np.array_equal(one.fun(0.0, np.array([1.0, 2.0])), one.derivative(0.0, (1.0, 2.0)))
     assert one.fun(0.0, np.array([1.0, 2.0])).dtype == float
-
-
-def test_a_record_of_names_values_and_coordinates() -> None:
-    one = system(coordinates=(angle("q"), "v"), rhs=lambda t, x, p: (x[1], -sin(x[0])), name="swing")
-    assert one.dimension == 2
-    assert one.axes == (angle("q"), Coordinate("v"))
-    assert one.parameters.delta == 0.15
-    assert one.length == pi
-    assert repr(one) == "ForcedSystem(swing: delta=0.15, gamma=0.2, omega=2; period 3.14159)"
-    assert system().name == "duffing"
 
 
 def test_parameters_are_copied_and_become_floats() -> None:

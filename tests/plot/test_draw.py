@@ -8,17 +8,13 @@ from collections.abc import Callable
 from typing import Any, get_type_hints
 
 import matplotlib.pyplot as plt
-import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
 import cellmap
-from cellmap import CellGrid, ForcedSystem, discrete_map, find_basins, lyapunov_spectrum, plot, trajectory
-from cellmap._lib.fit import fit_line
+from cellmap import CellGrid, discrete_map, find_basins, plot
 from cellmap._lib.signatures import makers
 from cellmap.analysis.resilience import largest_ball, minimal_fatal_shock
-from cellmap.basins import continue_basins
-from cellmap.bifurcations import bifurcation_diagram
 from cellmap.plot._draw import FIGURES
 
 PANELS = {"time_series", "bifurcation_diagram", "basin_continuation"}
@@ -51,21 +47,9 @@ def figures() -> dict[str, Callable[..., Any]]:
 
 @pytest.fixture(scope="module")
 def results():
-    logistic = discrete_map(lambda x, p: (p.r * x[0] * (1 - x[0]),), {"r": 3.2}, ("x",))
     wells = discrete_map(lambda x, p: (p.r * x[0] - x[0] ** 3, 0.5 * x[1]), {"r": 1.5}, ("x", "y"))
-    grid = CellGrid((-1.2, -1.0), (1.2, 1.0), (24, 20))
-    decay = ForcedSystem(lambda t, x, p: (x[1], -x[0] - 0.2 * x[1]), {}, 6.0, ("q", "v"))
-    basins = find_basins(wells, grid)
-    return {
-        "Basins": basins,
-        "BifurcationDiagram": bifurcation_diagram(logistic, "r", [3.2, 3.5], [0.3]),
-        "BasinContinuation": continue_basins(wells, "r", [1.4, 1.5], grid),
-        "LyapunovSpectrum": lyapunov_spectrum(logistic, [0.3], 40),
-        "Trajectory": trajectory(decay, [1.0, 0.0], 2),
-        "Fit": fit_line(np.arange(5.0), 2 * np.arange(5.0)),
-        "Ball": largest_ball(basins, 0),
-        "FatalShock": minimal_fatal_shock(basins, 0),
-    }
+    basins = find_basins(wells, CellGrid((-1.2, -1.0), (1.2, 1.0), (24, 20)))
+    return {"Basins": basins, "Ball": largest_ball(basins, 0), "FatalShock": minimal_fatal_shock(basins, 0)}
 
 
 def test_every_record_with_a_figure_is_drawn_by_it():
@@ -78,23 +62,6 @@ def test_every_record_with_a_figure_is_drawn_by_it():
     assert records - NO_FIGURE - FITTED <= set(known)
     for record, function in known.items():
         assert getattr(plot, function.__name__) is function, record
-
-
-def test_it_draws_on_given_axes_what_the_function_draws(results):
-    for record in ("Basins", "LyapunovSpectrum", "Fit"):
-        ax = plt.figure().add_subplot()
-        assert plot.draw(results[record], ax=ax) is ax
-        other = figures()[record](results[record])
-        assert (ax.get_xlabel(), ax.get_ylabel()) == (other.get_xlabel(), other.get_ylabel())
-        assert len(ax.get_lines()) == len(other.get_lines())
-
-
-def test_panels_are_a_tuple(results):
-    for record in ("Trajectory", "BifurcationDiagram", "BasinContinuation"):
-        panels = plot.draw(results[record])
-        assert isinstance(panels, tuple)
-        assert [isinstance(panel, Axes) for panel in panels] == [True, True]
-        assert panels[0] is not panels[1]
 
 
 def test_what_a_figure_returns_is_what_its_signature_says():

@@ -7,23 +7,12 @@ import systems
 from cellmap import CellGrid, discrete_map, find_basins, plot, stroboscopic_map
 from cellmap.analysis.boundary import chaotic_saddle
 from cellmap.basins import prove
-from cellmap.sets import BoxSet, generalized_cell_mapping, simple_cell_mapping, transfer_operator
+from cellmap.sets import generalized_cell_mapping, simple_cell_mapping
 
 CUBIC = discrete_map(
     lambda x, p: (1.5 * x[0] - x[0] ** 3 / 2, 1.5 * x[1] - x[1] ** 3 / 2), {}, ("x", "y"), name="two cubics"
 )
 TENT = discrete_map(lambda x, p: (1 - abs(2 * x[0] - 1),), {}, ("x",))
-
-
-def test_operators():
-    operator = transfer_operator(BoxSet.full(CellGrid((0,), (1,), (32,))), TENT)
-    ax = plot.eigenvector(operator)
-    np.testing.assert_allclose([patch.get_height() for patch in ax.patches], 1.0)
-    plot.eigenvector(operator, index=1)
-    ax = plot.eigenvalues(operator, n_eigenvalues=4)
-    assert ax.lines[1].get_xdata()[0] == pytest.approx(1.0) and len(ax.lines[1].get_xdata()) == 4
-    plane = transfer_operator(BoxSet.full(CellGrid((-1, -1), (1, 1), (9, 9))), CUBIC, 5)
-    assert plot.eigenvector(plane, index=1).collections
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,6 @@
 """Scenes: only the effects that are present are in the kernel."""
 
 from collections import Counter
-from dataclasses import FrozenInstanceError, fields
 from math import cos, pi, sin
 from typing import Any
 
@@ -100,11 +99,3 @@ def test_a_sweep_compiles_nothing() -> None:
         for frequency in (30.0, 60.0):
             stroboscopic_map(systems.driven_pendulum(amplitude=amplitude, frequency=frequency))([1.0, 0.0])
     assert machine_code.cache_info().misses == compiled
-
-
-def test_parts_are_records() -> None:
-    assert systems.VerticalDrive(0.003, 50) == systems.VerticalDrive(0.003, 50.0, 0.0)
-    assert [f.name for f in fields(systems.VerticalDrive)] == list(DRIVE.parameters)
-    with pytest.raises(FrozenInstanceError):
-        DRIVE.amplitude = 1.0  # type: ignore[misc]
-    assert repr(DAMPING) == "ViscousDamping(damping=10.0)"

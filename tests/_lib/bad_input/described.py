@@ -31,6 +31,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import Collection
 from matplotlib.colors import to_rgba_array
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 
 from cellmap import ForcedSystem, PointMap, set_threads
 
@@ -55,6 +56,10 @@ def described(result: Any) -> Described:
         found[f"{number} inches"] = figure.get_size_inches().tolist()
         for place, ax in enumerate(figure.axes):
             found |= {f"{number}.{place} {key}": values for key, values in _of_axes(ax).items()}
+    if found:
+        found |= _summary(
+            "returns", [type(panel).__name__ for panel in (result if isinstance(result, tuple) else [result])]
+        )
     leaves: dict[str, list[Any]] = defaultdict(list)
     for path, leaf in () if found else _leaves(result, "", {}):
         leaves[path].append(leaf)
@@ -67,6 +72,8 @@ def _leaves(thing: Any, path: str, seen: dict[int, Any]) -> Iterator[tuple[str, 
     """Yield words and arrays under the names of fields and properties; all entries of a sequence have the same."""
     if thing is None or isinstance(thing, Enum | str | bytes | os.PathLike) or inspect.isclass(thing):
         yield path, str(getattr(thing, "name", thing))
+        if isinstance(thing, Path) and thing.suffix == ".branch":
+            yield path, thing.read_text()
     elif (
         isinstance(thing, bool | int | float | complex | np.generic | np.ndarray) and np.asarray(thing).dtype != object
     ):
@@ -151,9 +158,11 @@ def _of_axes(ax: Axes) -> dict[str, list[float]]:
 def _place(artist: Artist) -> Any:
     if isinstance(artist, Line2D):
         return artist.get_xydata()
+    if isinstance(artist, Text):
+        return artist.get_position()
     if isinstance(artist, Collection):
         return np.concatenate([artist.get_offsets(), *(path.vertices for path in artist.get_paths())])
-    return artist.get_path().vertices if hasattr(artist, "get_path") else getattr(artist, "xy", ())
+    return artist.get_path().vertices if hasattr(artist, "get_path") else ()
 
 
 def _summary(name: str, values: Iterable[Any]) -> Described:

@@ -55,6 +55,12 @@ def henon() -> Any:
     return cellmap.continue_orbit(exact, cellmap.periodic_orbit(exact, [0.5, 0.2]), "a", -0.5, 1.4, step=0.1)
 
 
+def born(power: int) -> Any:
+    """Return the branch of 0, from which another one comes at r = 1."""
+    exact = discrete_map(lambda x, p: (p.r * x[0] - x[0] ** power,), {"r": 0.5}, ("x",))
+    return cellmap.continue_orbit(exact, cellmap.periodic_orbit(exact, [0.0]), "r", 0.5, 1.5, step=0.2)
+
+
 def stability(**given: Any) -> Any:
     exact, axes = systems.henon_map(0.2, 0.3), (("a", np.linspace(-0.6, 1.2, 10)), ("b", np.linspace(-0.5, 0.5, 5)))
     return {"stability": cellmap.stability_map(exact, cellmap.periodic_orbit(exact, [0.5, 0.2]), *axes), **given}
@@ -71,6 +77,11 @@ def motion() -> Any:
 
 
 FURTHER: dict[str, Callable[[], dict[str, Any]]] = {
+    "save_auto of branch points": lambda: {"result": [born(3), born(2)], "path": "b.branch"},
+    "section_map of strange names": lambda: {
+        "system": ForcedSystem(small.spiral, {"d": 0.1}, 6.0, ("side", "value")),
+        "section": ("value", 0.0, 1),
+    },
     "plot_basins of a line": lambda: {"basins": find_basins(halves("X"), CellGrid((-1.5,), (1.5,), (30,)))},
     "plot_basins of points": lambda: {"basins": find_basins(halves("X", "y"), small.CLOUD[:50] - 0.5)},
     "plot_basins in a plane": lambda: {
