@@ -52,6 +52,22 @@ def test_a_flow_that_oscillates_ever_faster_escapes_before_it_is_out_of_steps():
     assert (basins.labels == Label.DIVERGED).all()
 
 
+def test_orbits_that_turn_ever_faster_escape_beside_chaos_as_well():
+    """Nine states of which a public study of basin stability says (Stender, Hoffmann 2022) where they end.
+
+    Four of those that are unbounded are so after a chaotic transient of more than 64 periods.
+    """
+
+    def lorenz(t, u, p):
+        return 0.12 * (u[1] - u[0]), -u[0] * u[2] - u[1], u[0] * u[1] + 0.6 * u[2]
+
+    bounded = [(7.6453857, 16.600159), (-1.41191, 15.417717), (8.293919, -11.854038), (2.8611069, -4.3688774)]
+    late = [(-7.8937016, -9.220207), (9.03109, -16.989365), (3.739272, -3.5144272), (-6.3278904, -16.0377)]
+    states = np.array([(x, y, 0.0) for x, y in [*bounded, *late, (9.186113, -4.3820715)]])
+    basins = find_basins(stroboscopic_map(ForcedSystem(lorenz, {}, 1.0, ("x", "y", "z"))), states, 300)
+    assert (basins.labels[:4] >= 0).all() and (basins.labels[4:] == Label.DIVERGED).all()
+
+
 def spiking(x, p):
     return (3.0 * x[0] if x[0] < 0 else 1.5 * x[0] if x[0] < 1e9 else 1.0 + 1e-10 * x[0]), 0.5 * x[1]
 

@@ -167,7 +167,7 @@ def settle(
     """Iterate orbits that are `age` periods old until each is captured, has ended, or `periods` more have passed.
 
     Where some are known to escape beyond a `bound`, those that do have diverged; that is seen when they are older by
-    a quarter than when they were looked at before.
+    a quarter than when they were looked at before, or where they go so fast there that they are out of steps.
 
     Raises
     ------
@@ -176,6 +176,18 @@ def settle(
     """
     if bound is not None:
         return _settled_within(bound, point_map, orbits, catalogue, periods, age, stop)
+    return _settled(point_map, orbits, catalogue, periods, age, stop)
+
+
+def _settled(
+    point_map: PointMap,
+    orbits: Orbits,
+    catalogue: Catalogue,
+    periods: int,
+    age: int,
+    stop: Stop | None,
+    bound: Floats | None = None,
+) -> Settled:
     if (quotient := catalogue.quotient) is not None:
         settled = settle(quotient.point_map, quotient.of_orbits(orbits), catalogue.within, periods, age, stop)
         return replace(settled, orbits=quotient.back(settled.orbits))
@@ -184,7 +196,10 @@ def settle(
         return _labelled(point_map, orbits, catalogue, periods, age, _UNSEEN, stop=stop)[0]
     # A cover is entered and left again; only trapping neighbourhoods can be tested once in several periods.
     if max_step == 1 or max_step > periods or catalogue.covers:
-        return _labelled(point_map, orbits, catalogue, periods, age, 1, stop=stop)[0]
+        found, _, before = _labelled(point_map, orbits, catalogue, periods, age, 1, stop=stop)
+        if bound is not None:
+            found.labels[(found.labels == Label.OUT_OF_STEPS) & beyond(before, bound)] = Label.DIVERGED
+        return found
     found, since, before = _labelled(point_map, orbits, catalogue, periods, age, max_step, stop=stop)
     # The last multi-period step again, by single periods, for the period in which the orbit converged.
     rows = np.flatnonzero((since >= 0) & (found.labels != Label.UNDECIDED))
@@ -208,12 +223,12 @@ def _settled_within(
     # Where orbits have to stay, they do for longer than from look to look.
     if catalogue.covers or catalogue.regions.residence.any():
         if age > 0:
-            return settle(point_map, orbits, catalogue, periods, age, stop)
+            return _settled(point_map, orbits, catalogue, periods, age, stop, bound)
         ahead = replace(orbits, points=orbits.points.copy(), rotations=orbits.rotations.copy(), work=Work())
         nothing = Catalogue.of((), point_map)
         parts = [_settled_within(bound, point_map, ahead, nothing, min(periods, _UNSEEN), 0, stop)]
         orbits = orbits[parts[0].labels == Label.UNDECIDED]
-        parts.append(settle(point_map, orbits, catalogue, periods, 0, stop))
+        parts.append(_settled(point_map, orbits, catalogue, periods, 0, stop, bound))
     else:
         end, now, parts = age + periods, age, list[Settled]()
         while not parts or (len(orbits) and now < end):
