@@ -79,9 +79,9 @@ def find_basins(
     :func:`find_attractors` for the search for attractors.  Initial conditions that have not converged after many
     periods are searched for further attractors, so that small basins are found too.  Those that never converge are
     undecided: chaotic transients, for instance, and orbits that did not stay among the boxes of a chaotic attractor for
-    64 periods, or as long as a sample of initial conditions shows: twice the longest stay of orbits that leave, and 8,
-    or in one that lies in a neighbourhood which no orbit leaves.  In more than four dimensions there are
-    attractors that are not verified, of which a warning tells.
+    64 periods, or so long that of up to 2048 initial conditions hardly any is expected to stay and leave again, or in
+    one that lies in a neighbourhood which no orbit leaves.  In more than four dimensions there are attractors that are
+    not verified, of which a warning tells.
 
     Parameters
     ----------

@@ -44,7 +44,6 @@ _TILES = 128  # enough to keep all threads busy to the end
 _PATIENCE = 256  # periods before active orbits are searched for further attractors
 _REPEATS = 32  # sweeps over the same periods with ever more attractors, at most
 _FURTHER = 0.5  # of the periods that all orbits have taken, that those which are left may take beyond the limit
-_FEWER = 4  # one in so many initial conditions shows what residence the others need
 _LOOKED_AT = 2**16  # active orbits, evenly spread, that are searched where more than HELD are active
 
 
@@ -252,13 +251,16 @@ class Run:
         total = len(self.initial_conditions)
         if len(attractors) > before:
             attractors = with_full_residence(attractors)
-        number = min(total // _FEWER, OBSERVED)
-        if not number or not unobserved(attractors):
+        number = min(total, OBSERVED)
+        if not unobserved(attractors):
             return attractors
         rows = np.sort(np.random.default_rng(1).choice(total, number, replace=False))
         sample = self.initial_conditions.wrapped(rows, self.point_map)
+        # Stays are counted anew in each sweep.
+        ends = [0, *(_PATIENCE << k for k in range(_REPEATS) if _PATIENCE << k < self.limit), self.limit]
+        longest = max(b - a for a, b in pairwise(ends))
         with heeding(self.stop):
-            return with_residence(self.point_map, attractors, sample, min(_PATIENCE, self.limit))
+            return with_residence(self.point_map, attractors, sample, self.limit, total, longest)
 
     def _label(
         self, now: Progress, states: Orbits | None, ends: Sequence[int] = ()

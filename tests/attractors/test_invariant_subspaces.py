@@ -155,7 +155,7 @@ def test_who_passes_by_for_long_is_not_on_a_chaotic_attractor() -> None:
     """Orbits stay beside one of two chaotic sets for hundreds of steps, and go to the other.
 
     The sets lie on lines that the second iterate keeps, x = a or y = a, which almost attract; 3.4 % of the labels by 64
-    steps were wrong.  The witness are the orbits themselves: near to which set they are after 5,000 steps.
+    steps were wrong.  The witness are the orbits themselves: near to which set they are after 20,000 steps.
     """
 
     def f(u: Any, p: Any) -> tuple[Any, Any]:
@@ -164,10 +164,10 @@ def test_who_passes_by_for_long_is_not_on_a_chaotic_attractor() -> None:
     coupled, grid = discrete_map(f, {}, ("x", "y")), CellGrid((-0.05, -0.05), (1.2, 1.2), (60, 60))
     basins = find_basins(coupled, grid)
     states = np.stack(np.meshgrid(grid.axis(0), grid.axis(1), indexing="ij"), axis=-1)[basins.labels >= 0]
-    late = path_of(coupled, Orbits.starting(coupled.iterate(states, 5000).points), 50)
+    late = path_of(coupled, Orbits.starting(coupled.iterate(states, 20_000).points), 50)
     apart = [np.median(KDTree(a.points).query(late)[0], axis=0) for a in basins.attractors]
     wrong = np.argmin(apart, axis=0) != basins.labels[basins.labels >= 0]
-    assert len(basins.attractors) == 2 and wrong.size > 1000 and wrong.mean() <= 0.01
+    assert len(basins.attractors) == 2 and wrong.size > 1000 and not wrong.any()
 
 
 def test_a_subspace_beside_which_no_orbit_stays_is_no_family() -> None:

@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import ceil, log
 
 import numpy as np
 
-from ..._lib.arrays import Floats
+from ..._lib.arrays import Bools, Floats
+from ..._lib.stopping import check_stop
 from ...maps.orbit_batch import Orbits
 from ...maps.paths import path_of
 from ...maps.point_map import PointMap
-from ...orbits.attractor import Attractor, Cover, Kind
+from ...orbits.attractor import Attractor, Kind
 from ..regions.boxes import box_keys, full_residence, inside_cover
 from ..regions.trapping_boxes import is_trapped, with_trapped_boxes
+from .settle import Catalogue
 
 OBSERVED = 2048
 """Initial conditions whose orbits show how long those stay that leave; some times as many have to be labelled."""
 
-_TIMES, _MORE = 2, 8  # the longest stay that ended, and periods besides
+_WATCHED, _TIMES = 256, 4  # periods for which the sample is followed, or as many times as long as orbits have to stay
+_AT_ONCE = 16  # of them, between looks whether an end was asked for
+_TAIL, _MORE = 16, 8  # longest stays that tell how rare longer ones are, and periods besides
+_WRONG = 0.1  # stays of all initial conditions that are expected to be longer than an orbit has to stay
 _RESIDENT = 0.5  # of the last quarter of the periods, in which orbits on an attractor are among its boxes
 
 
@@ -46,41 +52,60 @@ def is_same(one: Attractor, other: Attractor) -> bool:
 
 
 def with_residence(
-    point_map: PointMap, attractors: Sequence[Attractor], points: Floats, periods: int
+    point_map: PointMap, attractors: Sequence[Attractor], points: Floats, periods: int, total: int, most: int
 ) -> tuple[Attractor, ...]:
     """Return attractors, the chaotic ones with the periods after which an orbit among their boxes is on them.
 
-    Orbits of points (n, dimension), a sample of initial conditions, are followed for some periods.  Those that are not
-    among the boxes of an attractor in the end have only passed by.  Such stays become rare exponentially with their
-    length: if the longest of n lasts L periods, one of 2 L has a probability near 1/n^2.  An orbit that stays for
-    2 L + 8 periods has converged; where fewer than 2048 were followed, one that stays for no fewer than 64, or more
-    where chaos is weak.
+    Orbits of points (n, dimension), a sample of `total` initial conditions, are followed for 256 periods, and for twice
+    as long again until that is four times as long as an orbit has to stay, up to some `periods`.  Those that are
+    not among the boxes of an attractor in the end have only passed by.  Such stays become rare exponentially with their
+    length, as the longest 16 of them show: an orbit has to stay so long that 0.1 longer stays are expected of all
+    initial conditions together, at least twice as long as any of these and `most` periods at most; where fewer than 2048 were followed, for no fewer than 64
+    periods, or more where chaos is weak.
 
     Of flows, boxes in which orbits have converged at once are looked for first; none is followed if all have some.
     """
     found = with_trapped_boxes(point_map, attractors) if point_map.is_flow else list(attractors)
     if not unobserved(found) or any(a.symmetry is not None for a in found):
         return tuple(found)
-    path = path_of(point_map, Orbits.starting(points), periods)
-    for number, attractor in enumerate(found):
-        if unobserved([attractor]):
-            assert attractor.cover is not None
-            least = 0 if len(points) >= OBSERVED else full_residence(attractor)
-            residence = max(_TIMES * _longest_stay(attractor.cover, path, point_map) + _MORE, least)
-            found[number] = replace(attractor, cover=replace(attractor.cover, residence=residence))
+    covers = {k: a.cover for k, a in enumerate(found) if a.cover is not None and unobserved([a])}
+    keys = {k: np.sort(box_keys(cover.boxes, cover.corners)) for k, cover in covers.items()}
+    catalogue = Catalogue.of([a for a in found if a.verified], point_map)
+    orbits, rows, made, until = Orbits.starting(points), np.arange(len(points)), 0, min(_WATCHED, periods)
+    inside = {k: np.zeros((0, len(points)), bool) for k in covers}
+    while True:
+        for begin in range(made, until, _AT_ONCE):
+            check_stop()
+            path = path_of(point_map, orbits, min(_AT_ONCE, until - begin))
+            for k, cover in covers.items():
+                now = np.zeros((len(path), len(points)), bool)
+                now[:, rows] = [inside_cover(cover, places, point_map, keys[k]) for places in path]
+                inside[k] = np.concatenate([inside[k], now])
+            left = np.flatnonzero(orbits.alive & (catalogue.owners_of(orbits.points) < 0))
+            orbits, rows = orbits[left], rows[left]
+        made, needed = until, {k: _needed(inside[k], total / len(points)) for k in covers}
+        until = min(2 * made, periods)
+        if until == made or made >= _TIMES * max(needed.values()):
+            break
+    for k, cover in covers.items():
+        least = 0 if len(points) >= OBSERVED else full_residence(found[k])
+        residence = max(min(needed[k], most), least)
+        found[k] = replace(found[k], cover=replace(cover, residence=residence))
     return tuple(found)
 
 
-def _longest_stay(cover: Cover, path: Floats, point_map: PointMap) -> int:
-    """Return the longest stay among boxes, in periods, of orbits (periods, n, d) that are not among them in the end.
+def _needed(inside: Bools, times: float) -> int:
+    """Return for how many periods orbits have to stay among boxes, as shown by a part of them (periods, n).
 
-    Orbits on an attractor are out of its boxes now and then, for a sample of it does not show all of them.
+    There are some `times` as many.  Orbits on an attractor are out of its boxes now and then, for a sample of it does
+    not show all of them: their stays do not count, nor do those that go on in the end.
     """
-    keys = np.sort(box_keys(cover.boxes, cover.corners))
-    inside = np.array([inside_cover(cover, points, point_map, keys) for points in path])
-    inside = inside[:, inside[-len(path) // 4 :].mean(axis=0) < _RESIDENT]
-    longest, now = 0, np.zeros(inside.shape[1], np.int64)
-    for row in inside:
-        now = np.where(row, now + 1, 0)
-        longest = max(longest, int(now.max(initial=0)))
-    return longest
+    passing = inside[:, inside[-len(inside) // 4 :].mean(axis=0) < _RESIDENT].T
+    changes = np.diff(np.pad(passing, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    begins, ends = (np.nonzero(changes == sign)[1] for sign in (1, -1))
+    stays = -np.sort((begins - ends)[ends < len(inside)])[: _TAIL + 1]
+    if not len(stays):
+        return _MORE
+    tail, beyond = stays[:_TAIL], int(stays[_TAIL]) if len(stays) > _TAIL else 0
+    mean = float((tail - beyond).mean()) * (1.0 + len(tail) ** -0.5)
+    return _MORE + max(2 * int(stays[0]), beyond + ceil(mean * log(len(tail) * times / _WRONG)))
