@@ -44,12 +44,12 @@ def test_distances_to_a_ring(exact, size):
 def test_surfaces_lie_across_a_ring_at_their_radii(exact, size):
     curve, radii = ring(exact, size), np.array([0.05, 0.2])
     points = curve.surface(radii)
-    assert points.shape[:3] == (2, 1, 128)
+    assert points.shape[:3] == (2, 1, 64)
     for radius, beside in zip(radii, points, strict=True):
         np.testing.assert_allclose(curve.distances(beside.reshape(-1, exact.dimension)), radius, rtol=1e-3)
-        # The places on the ring are its 128 phases, each once.
+        # The places on the ring are its 64 phases, each once.
         phases = np.arctan2(beside[0, ..., 1] / size[1], beside[0, ..., 0] / size[0]) % (2 * pi)
-        off = (phases - (2 * pi * np.arange(128) / 128)[:, None] + pi) % (2 * pi) - pi
+        off = (phases - (2 * pi * np.arange(64) / 64)[:, None] + pi) % (2 * pi) - pi
         assert np.abs(off).max() < 1e-9
         both = beside[0].mean(axis=1) / size
         np.testing.assert_allclose(np.linalg.norm(both, axis=-1), 1.0, rtol=1e-9)

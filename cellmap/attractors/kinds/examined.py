@@ -91,7 +91,8 @@ class Examined:
         """
         look = -(2 * age + int(slow)) * _ATTRACTORS
         if states.shape[1] <= SAMPLED:
-            keys = [(states.sum(axis=0).tobytes(), look - known)]
+            # A look at slow orbits as well sees all that another one would.
+            keys = [(states.sum(axis=0).tobytes(), k - known) for k in (look, -2 * age * _ATTRACTORS)]
             chosen = states[:0] if keys[0] in self.ends else states
         else:
             left = [k for k, state in enumerate(states) if (state.tobytes(), look) not in self.ends]

@@ -24,7 +24,6 @@ from ..regions.lyapunov_regions import Afford
 from ..regions.tube import (
     LEAST,
     NARROW,
-    SAMPLED,
     Curves,
     Tube,
     ellipsoids_of_tube,
@@ -34,14 +33,15 @@ from ..regions.tube import (
     verified_tube,
 )
 from ..settling.settle import Catalogue
-from .creeping import creeping
 
-_RECORDS = (1024, 4096, 16384)  # samples of an orbit in which its returns are sought, one record after the other
+_SAMPLES = 16  # for each period of its age, in a record of an orbit in which its returns are sought,
+_RECORDS = 1024, 16384  # which has so many at least and at most
 _PACE = 0.01  # way from one sample to the next, in units of the motion: some hundred samples in a cycle
 _PACED, _PACINGS = 256, 32  # samples with which the interval between them is chosen, and attempts
 _ALIKE = 4.0  # factor by which it may be too long; where it is too short, an orbit has not turned round,
 _FASTER, _SLOWER = 8.0, 64.0  # and the most by which it grows or shrinks from one attempt to the next
 _AT_REST = 1e-6  # way in the last quarter, in units of all of it, of an orbit that comes to rest
+_FALLING, _LESS = 8, 0.9  # parts of a record in each of which such an orbit goes as much less far than before
 _NEAR = 0.05  # way between an orbit and where it was before, from which Newton's method closes it
 _MOSTLY, _ALONG = 0.9, 0.1  # part of a cycle on which it is as near as this to the one before
 _TRIED = 4  # returns of one record
@@ -85,28 +85,34 @@ def autonomous(exact: PointMap) -> Stroboscopic | None:
 
 
 def limit_cycles(
-    exact: PointMap, spec: Stroboscopic, states: Floats, extent: Floats, known: Sequence[Attractor], afford: Afford
+    exact: PointMap,
+    spec: Stroboscopic,
+    states: Floats,
+    extent: Floats,
+    age: int,
+    known: Sequence[Attractor],
+    afford: Afford,
 ) -> list[Attractor]:
-    """Return the limit cycles to which some orbits come, verified to attract.
+    """Return the limit cycles to which some orbits of an age come, verified to attract.
 
     They are orbits that the flow closes after some time, found by Newton's method with this time as a further unknown,
     from where orbits come back to where they were; all multipliers but the one along the orbit lie inside the unit
     circle.  Points beside the cycle are seen to come closer to it in whole periods of the cycle, and ellipsoids along
-    it are the trapping region: neither depends on the period of the map.  In more than four dimensions one orbit is
-    tried where as many images can be afforded as a surface has points, with derivatives.
+    it are the trapping region: neither depends on the period of the map.  A few orbits are tried, for the longer the
+    older they are; in more than four dimensions one has to `afford` that, and as many images as a surface has points.
     """
-    found, left, many = list[Attractor](), states, exact.dimension > SAMPLED
-    if many and not afford(images_of_surface(exact) * exact.dimension):
-        return found
-    for _ in range(1 if many else _AHEAD):
+    found, left, number = list[Attractor](), states, min(max(_RECORDS[0], _SAMPLES * age), _RECORDS[1])
+    for _ in range(_AHEAD):
         left = left[Catalogue.of([*known, *found], exact).owners_of(left) < 0]
-        if not len(left):
+        if not len(left) or not afford(number):
             break
         state, left = left[len(left) // 2], np.delete(left, len(left) // 2, axis=0)
-        cycle = _cycle_of(exact, spec, state, extent)
+        cycle = _cycle_of(exact, spec, state, extent, number)
         if cycle is None or Catalogue.of([*known, *found], exact).owners_of(cycle.point[None])[0] >= 0:
             continue
-        attractor = _verified(exact, spec, cycle, extent)
+        attractor = (
+            _verified(exact, spec, cycle, extent) if afford(images_of_surface(exact) * exact.dimension) else None
+        )
         if attractor is not None:
             found.append(attractor)
     return found
@@ -121,29 +127,25 @@ def cycles_ahead(
     if spec is None:
         return []
     some = wrap(states[evenly(len(states), _AHEAD)], exact.coordinates)
-    return limit_cycles(exact, spec, some, extent, known, afford)
+    return limit_cycles(exact, spec, some, extent, 0, known, afford)
 
 
-def _cycle_of(exact: PointMap, spec: Stroboscopic, state: Floats, extent: Floats) -> _Cycle | None:
-    """Return the stable cycle to which an orbit comes, None where it comes to none, or not yet."""
+def _cycle_of(exact: PointMap, spec: Stroboscopic, state: Floats, extent: Floats, number: int) -> _Cycle | None:
+    """Return the stable cycle to which an orbit comes, None where some samples of it show none."""
     speed = np.linalg.norm(_speed(exact, spec, state, exact.period) / extent)
-    if not 0.0 < speed < np.inf:
+    longest = number * exact.period / (_SAMPLES * _PACED)
+    paced = _paced(exact, spec, state, extent, _PACE / float(speed), longest) if 0.0 < speed < np.inf else None
+    if paced is None:
         return None
-    step = _PACE / float(speed)
-    for number in _RECORDS:
-        paced = _paced(exact, spec, state, extent, step)
-        if paced is None:
-            return None
-        path, step = _followed(spec, paced[0][-1], paced[1], number), paced[1]
-        if not np.isfinite(path).all():
-            return None
-        size = _sizes(path, exact, extent)
-        for begin, steps in _returns(path, exact, size):
-            cycle = _closed(exact, spec, path[begin], steps * step, size)
-            if cycle is not None:
-                return _shortest(exact, spec, cycle, size)
-        state = path[-1]
-    return None
+    path, step = _followed(spec, paced[0][-1], paced[1], number), paced[1]
+    size = _sizes(path, exact, extent)
+    ways = np.linalg.norm(difference(path[1:], path[:-1], exact.coordinates) / size, axis=1)
+    parts = np.array([part.sum() for part in np.array_split(ways, _FALLING)])
+    if not np.isfinite(path).all() or (parts[1:] < _LESS * parts[:-1]).all():
+        return None  # it comes to rest, or is far from its cycle
+    closed = (_closed(exact, spec, path[k], steps * step, size) for k, steps in _returns(path, exact, size))
+    cycle = next((c for c in closed if c is not None), None)
+    return None if cycle is None else _shortest(exact, spec, cycle, size)
 
 
 def _followed(spec: Stroboscopic, state: Floats, step: float, number: int) -> Floats:
@@ -153,22 +155,23 @@ def _followed(spec: Stroboscopic, state: Floats, step: float, number: int) -> Fl
 
 
 def _paced(
-    exact: PointMap, spec: Stroboscopic, state: Floats, extent: Floats, step: float
+    exact: PointMap, spec: Stroboscopic, state: Floats, extent: Floats, step: float, longest: float
 ) -> tuple[Floats, float] | None:
     """Follow an orbit in steps so long that it moves by about a hundredth of its size in each; None where it rests.
 
-    The interval grows from a short one: in long ones a cycle would seem to move slowly that all but closes in each.
+    The interval grows from a short one: in long ones a cycle would seem to move slowly that all but closes in each.  It
+    has a longest one, in which an orbit that comes to rest, or away from it, has not moved far.
     """
     for _ in range(_PACINGS):
         check_stop()
+        if step > longest:
+            return None
         path = _followed(spec, state, step, _PACED)
         if not np.isfinite(path).all():
             return None
         ways = np.linalg.norm(difference(path[1:], path[:-1], exact.coordinates) / _sizes(path, exact, extent), axis=1)
         if not ways.sum() > 0.0 or ways[-_PACED // 4 :].sum() <= _AT_REST * ways.sum():
             return None
-        if ways[-1] < ways[0] and creeping(exact, path[-1:], extent).found[0]:
-            return None  # it would be followed over ever longer intervals
         factor = _PACE / float(ways.mean())
         if 1.0 / _ALIKE <= factor <= 1.0:
             return path, step

@@ -8,11 +8,10 @@ from math import isqrt
 
 import numpy as np
 
-from ..._lib.arrays import Floats
+from ..._lib.arrays import Bools, Floats, Ints, evenly
 from ...maps.orbit_batch import Orbits
-from ...maps.paths import moved_on, path_of
+from ...maps.paths import moved_on
 from ...maps.point_map import PointMap
-from ...maps.tangent import tangent
 from ...orbits.attractor import Attractor, Kind, aperiodic
 from ...orbits.invariant_circle import InvariantCircle, curve_size, fitted_circle
 from ...orbits.invariant_torus import fitted_torus
@@ -40,7 +39,7 @@ from .recurrence import recurrent_attractors
 
 _ORBITS = 4  # tried in one look
 _EXPONENT_PERIODS = 500
-_VOLUME_PERIODS = 128
+_SEEN = 128  # periods in which it is seen how displacements from an orbit grow
 _SAMPLE = 512  # points of an attractor that are kept
 
 
@@ -95,23 +94,20 @@ def quasiperiodic_attractors(
     """
     exact, most = point_map.without_table, max(MOST_STEPS, age)
     spec = autonomous(exact)
-    cycles = [] if spec is None else limit_cycles(exact, spec, states, extent, known, afford)
-    if cycles:
-        return Found(cycles, [])
+    later = Orbits.starting(states[evenly(len(states), _ORBITS)])
+    moved_on(exact, later, age)
+    later = later[np.flatnonzero(later.alive)]
+    signs, shrinking = _signs(exact, later.points, extent, most)
+    if spec is not None:
+        cycles = limit_cycles(exact, spec, later.points[signs == 0], extent, age, known, afford)
+        if cycles:
+            return Found(cycles, [])
     if exact.dimension > SAMPLED:
         return Found(*recurrent_attractors(exact, states, extent, age, known, slow, afford))
     found = Found([], [])
-    left = states
-    for _ in range(_ORBITS):
-        if not len(left):
-            break
-        before = Orbits.starting(left[len(left) // 2][None].copy())
-        moved_on(exact, before, age)
-        left = np.delete(left, len(left) // 2, axis=0)
+    for before in (later[np.array([k])] for k in np.flatnonzero((signs <= 0) & shrinking)):
         attractors = [*known, *found.attractors]
-        if not before.alive.all() or not len(_outside(before.points, attractors, exact)):
-            continue
-        if creeping(exact, before.points, extent).found[0] or not _may_attract(exact, before, most):
+        if not len(_outside(before.points, attractors, exact)) or creeping(exact, before.points, extent).found[0]:
             continue
         attractor, fitted = None, None
         if spec is None:
@@ -126,26 +122,21 @@ def quasiperiodic_attractors(
         if attractor is None and exact.dimension > 2 and not len(found.cycles):
             attractor = _on_torus(exact, before.points[0], extent, most)
         if attractor is not None and _is_new(attractor.points, attractors, exact):
-            assert attractor.cover is not None
             found.attractors.append(attractor)
-            left = left[~inside_cover(attractor.cover, left, exact)]
     return found
 
 
-def _may_attract(exact: PointMap, orbits: Orbits, most: int) -> bool:
-    """Tell whether volumes around an orbit shrink so fast that a tube around a curve may contract in `most` steps.
+def _signs(exact: PointMap, points: Floats, extent: Floats, most: int) -> tuple[Ints, Bools]:
+    """Return signs of the largest exponents of orbits (n, d), and beside which a tube may contract in `most` steps.
 
     Lengths along an invariant circle are kept in the mean, so that the slowest contraction across it is at most that of
     volumes, to the power 1/(dimension - 1); what an orbit does in few periods may be twice as fast as in the mean.
     """
-    if exact.dimension == 1:
-        return True
-    points = path_of(exact, orbits, _VOLUME_PERIODS)[:, 0]
-    if not orbits.alive.all():
-        return False
-    with np.errstate(invalid="ignore"):  # orbits that have ended have no derivative
-        rates = np.linalg.slogdet(tangent(exact, points)[1])[1]
-    return bool(-2.0 * most * rates.mean() >= -np.log(FIRST_FACTOR) * (exact.dimension - 1))
+    d = exact.dimension
+    growth = Growing.along(exact, points, _SEEN, extent, None if d <= SAMPLED else 1)
+    with np.errstate(invalid="ignore"):  # a vanishing derivative has an infinite logarithm
+        shrinking = -2.0 * most * growth.exponents.sum(axis=1) >= -np.log(FIRST_FACTOR) * (d - 1)
+    return growth.signs, shrinking | (d == 1)
 
 
 def _curves(circle: InvariantCircle, exact: PointMap, extent: Floats) -> Curves:

@@ -17,7 +17,7 @@ from .lyapunov_regions import Afford, always, lyapunov_neighbourhood
 from .tube import SAMPLED
 
 _DIRECTIONS = 96  # on a circle
-_FINE = {1: 1.01, 2: 1.0 + 2 * np.pi / _DIRECTIONS}  # from one shell to the next; else 1.1
+_FINE = {1: 1.01, 2: 1.0 + 2 * np.pi / _DIRECTIONS}  # from one shell to the next; else 1.25
 _FARTHEST_IN = 10.0  # factor by which the smallest of shells that were verified for a similar map is smaller
 _AHEAD = 8  # shells to which radii are chosen at once,
 _STRETCHES = {1: 32}  # as many times this number in one dimension, where each has two points only
@@ -109,7 +109,7 @@ def still_trapping(
         return None
     exact, rounds = point_map.without_table, _rounds(attractor)
     limit, d = _limit(exact, attractor, extent), exact.dimension
-    radii, fine = _around(_FINE.get(d, 1.1), d)
+    radii, fine = _around(_FINE.get(d, 1.25), d)
     contraction = 0.5 * (1.0 + float(np.abs(attractor.multipliers[0])) ** rounds)
     steps, metrics, worst = tangent(exact, attractor.points)[1], list[Floats](), 0.0
     for k, (centre, metric) in enumerate(zip(attractor.points, before.metrics, strict=True)):
@@ -185,7 +185,7 @@ class _Shells:
         self.offsets = sphere @ inverse_root.T
         self.linear = float(np.linalg.norm(root.T @ matrix @ inverse_root, 2))
         self.together = max(1, _TOGETHER // len(self.offsets))
-        self.fine = _FINE.get(exact.dimension, 1.1)
+        self.fine = _FINE.get(exact.dimension, 1.25)
         self.allowed = 0.5 * (1.0 + contraction)
         self.margin = self.allowed - self.linear
         rtol, atol = exact.tolerance

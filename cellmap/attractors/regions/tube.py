@@ -14,7 +14,7 @@ from ..._lib.arrays import Complexes, Floats, Ints, evenly
 from ..._lib.computed import computed_once
 from ..._lib.stopping import check_stop
 from ...maps.coordinates import difference, turns_of, wrap
-from ...maps.orbit_batch import CHUNK, Orbits
+from ...maps.orbit_batch import Orbits
 from ...maps.paths import moved_on
 from ...maps.point_map import PointMap
 from ...maps.side_by_side import advance_on_threads
@@ -28,7 +28,7 @@ DENSE = 2048
 SAMPLED = 4
 """Dimensions, at most, in which surfaces around attractors are sampled densely."""
 
-MOST_STEPS, FIRST_FACTOR = 256, 0.6
+MOST_STEPS, FIRST_FACTOR = 512, 0.6
 """Steps after which points of the first surface have to be closer to the curves, and the factor."""
 
 NARROW = 1e-4
@@ -37,12 +37,11 @@ NARROW = 1e-4
 LEAST = 0.01
 """Length along an axis in which distances from a curve are measured, in units of the largest, at least."""
 
-_SEEN = {1: 128, 2: 128, 3: 128}  # points of each surface along a curve; else 64
+_SEEN = 64  # points of each surface along a curve
 _ALLOWED = 0.9  # largest factor on all other surfaces
-_GROWTH = {1: 1.25, 2: 1.25, 3: 1.25}  # factor from one surface to the next; else 2.0
-_AHEAD = {1: 4, 2: 4, 3: 4}  # surfaces that are looked at together; else 1
-_WIDER, _ALIKE = 8.0, 0.1  # factor between surfaces where contraction is the same on both, and what it may differ by
-_FINENESS = {1: 0.5, 2: 0.5, 3: 0.5, 4: 0.75}  # diagonal of a box in units of the tube's radius; else 1.5
+_WIDER, _ALIKE = 16.0, 0.1  # factor between surfaces where contraction is the same on both, and what it may differ by;
+_GROWTH = 2.0, 1.25  # the largest factor between others, and the least
+_FINENESS = 0.5, 0.75  # diagonal of a box in units of the tube's radius, and the same in four dimensions
 _MOST_BOXES = 2**20
 _CELLS = 256  # points of a torus in each phase, between which it is a paraboloid
 _REACH = 2.0  # cells of this grid, at most, between a point and the nearest one on the torus
@@ -112,12 +111,12 @@ class Curves:
 
     def between(self, distances: Floats) -> Floats:
         """Return the largest of distances (surfaces, n), with half of what they change to the next along a curve."""
-        return _largest(distances.reshape(len(distances), len(self.points), _seen(self.exact), -1), (2,))
+        return _largest(distances.reshape(len(distances), len(self.points), _SEEN, -1), (2,))
 
     def surface(self, radii: Floats) -> Floats:
         """Return points (radii, curves, along, directions, dimension) beside the curves, across them."""
         d, number = self.exact.dimension, self.points.shape[1]
-        chosen = np.arange(_seen(self.exact)) * (number // _seen(self.exact))
+        chosen = np.arange(_SEEN) * (number // _SEEN)
         here = self.points[:, chosen]
         ahead, behind = (self.points[:, (chosen + side) % number] for side in (1, -1))
         tangents = difference(ahead, behind, self.exact.coordinates) / self.size
@@ -223,11 +222,7 @@ class Tube:
 
 def images_of_surface(exact: PointMap) -> int:
     """Return how many points a surface around a curve has."""
-    return _seen(exact) * 8 * (exact.dimension - 1)
-
-
-def _seen(exact: PointMap) -> int:
-    return _SEEN.get(exact.dimension, 64)
+    return _SEEN * 8 * (exact.dimension - 1)
 
 
 def _largest(values: Floats, axes: tuple[int, ...]) -> Floats:
@@ -243,11 +238,11 @@ def verified_tube(
     """Return the widest tube around attracting curves on whose inner surfaces all points are seen to come closer.
 
     After a fixed number of steps the distance to the curves has fallen by a tenth or more, everywhere on surfaces from
-    the narrowest to the widest, each a quarter wider than the one before, or twice as wide in four dimensions, where
-    surfaces take many points; there, and with `patience`, wider steps are made as long as contraction is the same, as
-    it is where the map is all but linear.  A distance that falls again and again leaves no other attractor in the tube.
-    None where the narrowest surface does not contract.  With `patience` for so many steps, those needed on the
-    narrowest surface are doubled where a wider one takes more.
+    the narrowest to the widest, each a quarter wider than the one before; in four dimensions, where surfaces take many
+    points, and with `patience`, each at most twice as wide, or 16 times as long as contraction is the same, as it is
+    where the map is all but linear.  A distance that falls again and again leaves no other attractor in the tube.  None
+    where the narrowest surface does not contract.  With `patience` for so many steps, those needed on the narrowest
+    surface are doubled where a wider one takes more.
     """
     limit = 0.25 * float((extent / curves.size).min())
     radius = max(NARROW, narrowest)
@@ -258,24 +253,17 @@ def verified_tube(
     steps, factor = _steps_needed(curves, radius, most_steps)
     if not steps:
         return None
-    d, linear = curves.exact.dimension, factor
-    while (d > 3 or patience) and _WIDER * radius < limit:
-        there = float(_factors(curves, np.array([_WIDER * radius]), steps)[0])
-        if abs(there - linear) > _ALIKE:
-            limit = limit if there <= _ALLOWED else 0.5 * _WIDER * radius
-            break
-        radius, factor = _WIDER * radius, max(factor, there)
-    while radius < limit:
-        radii = np.minimum(radius * _GROWTH.get(d, 2.0) ** np.arange(1, _AHEAD.get(d, 1) + 1), limit)
-        factors = _factors(curves, radii, steps)
-        passed = int(np.argmin(np.append(factors <= _ALLOWED, False)))
-        if passed:
-            radius, factor = float(radii[passed - 1]), max(factor, float(factors[:passed].max()))
-        if passed < len(radii):
-            # Where each point has come closer after some steps, it has after twice as many.
-            if 2 * steps > patience:
-                break
-            steps *= 2
+    linear, failed = factor, np.inf
+    growth = _WIDER if patience or curves.exact.dimension > 3 else _GROWTH[1]
+    while radius < limit and growth >= _GROWTH[1]:
+        wider = min(growth * radius, limit)
+        there = _factor(curves, wider, steps) if wider < failed else np.inf
+        if there <= _ALLOWED and (wider <= _GROWTH[0] * radius or abs(there - linear) <= _ALIKE):
+            radius, factor = wider, max(factor, there)
+        elif wider <= _GROWTH[0] * radius and 2 * steps <= patience:
+            steps *= 2  # where each point has come closer after some steps, it has after twice as many
+        else:
+            growth, failed = growth**0.5, failed if there <= _ALLOWED else wider
     return Tube(radius, steps, factor)
 
 
@@ -291,7 +279,7 @@ def cover_of_tube(curves: Attracting, tube: Tube) -> Cover | None:
     """Return boxes that lie in a tube, and hold all that is close to its curves; None where they are too many."""
     d = curves.exact.dimension
     lower, turn = turns_of(curves.exact.coordinates)
-    fineness = _FINENESS.get(d, 1.5) * min(tube.radius, 1.0)
+    fineness = _FINENESS[d > 3] * min(tube.radius, 1.0)
     widths = curves.size * (fineness / np.sqrt(d))
     widths = np.where(turn > 0, turn / np.maximum(np.ceil(turn / widths), 1.0), widths)
     corner = np.where(turn > 0, lower, curves.points.reshape(-1, d)[0])
@@ -418,11 +406,8 @@ def doubled(exact: PointMap, orbits: Orbits, first: int, most: int) -> Iterator[
         made, steps = steps, 2 * steps
 
 
-def _factors(curves: Attracting, radii: Floats, steps: int) -> Floats:
-    """Return for each surface the largest factor by which some steps change the distance to the curves."""
-    orbits = Orbits.starting(curves.surface(radii).reshape(-1, curves.exact.dimension))
-    for begin in range(0, len(orbits), CHUNK):
-        check_stop()
-        curves.exact.advance(orbits[begin : begin + CHUNK], steps)
-    after = curves.distances(orbits.points).reshape(len(radii), -1)
-    return np.asarray(curves.between(after) / radii)
+def _factor(curves: Attracting, radius: float, steps: int) -> float:
+    """Return the largest factor by which some steps change the distance of points of a surface to the curves."""
+    orbits = Orbits.starting(curves.surface(np.array([radius])).reshape(-1, curves.exact.dimension))
+    moved_on(curves.exact, orbits, steps)
+    return float(curves.between(curves.distances(orbits.points)[None])[0] / radius)
