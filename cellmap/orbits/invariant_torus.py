@@ -27,7 +27,6 @@ _APART = 16.0  # least distance of two lines, in units of one over the number of
 _WEAK = 1e-3  # strength of a line, relative to the strongest, below which it is left unexplained
 _ORDERS = 12  # largest order of combinations that explain spectral lines
 _SAME = 1e-5  # distance of a line from its combination
-_KNOWN = 1e-10  # errors of frequencies that are not related by chance
 _LONGEST_RELATION = 24  # whole numbers k1, k2, k0 with k1 w1 + k2 w2 = k0 that make the torus a curve, at most
 _PROBES = 12  # phases in each direction at which the invariance is measured
 
@@ -99,8 +98,6 @@ def fitted_torus(point_map: PointMap, state: Floats) -> InvariantTorus | None:
             return None
         frequencies, errors = _basis(lines, sharp)
         if frequencies is None or _related(frequencies, errors):
-            if frequencies is not None and errors.max() <= _KNOWN:
-                return None  # it is on a curve
             continue
         rho, rho_errors = rotation_numbers_of(point_map, history, rotations)
         coefficients = _series(signals, frequencies, harmonics)

@@ -34,6 +34,9 @@ from ..regions.tube import (
 )
 from ..settling.settle import Catalogue
 
+AHEAD = 4
+"""Orbits that are tried in one look, and before all are followed."""
+
 _SAMPLES = 16  # for each period of its age, in a record of an orbit in which its returns are sought,
 _RECORDS = 1024, 16384  # which has so many at least and at most
 _PACE = 0.01  # way from one sample to the next, in units of the motion: some hundred samples in a cycle
@@ -60,7 +63,6 @@ _BISECTIONS = 40  # after which the two sides of a corner are one number
 _MOST = 2**15  # points of a cycle
 _HARMONICS = 1024  # of the Fourier series, at most
 _SMOOTH = 1e-12  # part of the last harmonics in the largest, with which more of them show rounding
-_AHEAD = 4  # orbits that are tried in one look, and before all are followed
 _KEPT = 512  # points of an attractor
 
 
@@ -102,7 +104,7 @@ def limit_cycles(
     older they are; in more than four dimensions one has to `afford` that, and as many images as a surface has points.
     """
     found, left, number = list[Attractor](), states, min(max(_RECORDS[0], _SAMPLES * age), _RECORDS[1])
-    for _ in range(_AHEAD):
+    for _ in range(AHEAD):
         left = left[Catalogue.of([*known, *found], exact).owners_of(left) < 0]
         if not len(left) or not afford(number):
             break
@@ -126,7 +128,7 @@ def cycles_ahead(
     spec = autonomous(exact)
     if spec is None:
         return []
-    some = wrap(states[evenly(len(states), _AHEAD)], exact.coordinates)
+    some = wrap(states[evenly(len(states), AHEAD)], exact.coordinates)
     return limit_cycles(exact, spec, some, extent, 0, known, afford)
 
 

@@ -34,10 +34,9 @@ from .creeping import creeping
 from .cycles import verified_cycles
 from .ends import Ends
 from .exponents import Growing
-from .limit_cycles import autonomous, limit_cycles
+from .limit_cycles import AHEAD, autonomous, limit_cycles
 from .recurrence import recurrent_attractors
 
-_ORBITS = 4  # tried in one look
 _EXPONENT_PERIODS = 500
 _SEEN = 128  # periods in which it is seen how displacements from an orbit grow
 _SAMPLE = 512  # points of an attractor that are kept
@@ -94,7 +93,7 @@ def quasiperiodic_attractors(
     """
     exact, most = point_map.without_table, max(MOST_STEPS, age)
     spec = autonomous(exact)
-    later = Orbits.starting(states[evenly(len(states), _ORBITS)])
+    later = Orbits.starting(states[evenly(len(states), AHEAD)])
     moved_on(exact, later, age)
     later = later[np.flatnonzero(later.alive)]
     signs, shrinking = _signs(exact, later.points, extent, most)

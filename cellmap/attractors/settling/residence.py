@@ -14,7 +14,7 @@ from ...maps.orbit_batch import Orbits
 from ...maps.paths import path_of
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor, Kind
-from ..regions.boxes import box_keys, full_residence, inside_cover
+from ..regions.boxes import RESIDENCE, box_keys, full_residence, inside_cover
 from ..regions.trapping_boxes import is_trapped, with_trapped_boxes
 from .settle import Catalogue
 
@@ -22,7 +22,6 @@ OBSERVED = 2048
 """Initial conditions whose orbits show how long those stay that leave; some times as many have to be labelled."""
 
 _WATCHED, _TIMES = 256, 4  # periods for which the sample is followed, or as many times as long as orbits have to stay
-_AT_ONCE = 16  # of them, between looks whether an end was asked for
 _TAIL, _MORE = 16, 8  # longest stays that tell how rare longer ones are, and periods besides
 _WRONG = 0.1  # stays of all initial conditions that are expected to be longer than an orbit has to stay
 _RESIDENT = 0.5  # of the last quarter of the periods, in which orbits on an attractor are among its boxes
@@ -57,11 +56,11 @@ def with_residence(
     """Return attractors, the chaotic ones with the periods after which an orbit among their boxes is on them.
 
     Orbits of points (n, dimension), a sample of `total` initial conditions, are followed for 256 periods, and for twice
-    as long again until that is four times as long as an orbit has to stay, up to some `periods`.  Those that are
-    not among the boxes of an attractor in the end have only passed by.  Such stays become rare exponentially with their
+    as long again until that is four times as long as an orbit has to stay, up to some `periods`.  Those that are not
+    among the boxes of an attractor in the end have only passed by.  Such stays become rare exponentially with their
     length, as the longest 16 of them show: an orbit has to stay so long that 0.1 longer stays are expected of all
-    initial conditions together, at least twice as long as any of these and `most` periods at most; where fewer than 2048 were followed, for no fewer than 64
-    periods, or more where chaos is weak.
+    initial conditions together, twice as long as any that was seen, and `most` periods at most; where fewer than 2048
+    were followed, for no fewer than 64 periods, or more where chaos is weak.
 
     Of flows, boxes in which orbits have converged at once are looked for first; none is followed if all have some.
     """
@@ -74,9 +73,9 @@ def with_residence(
     orbits, rows, made, until = Orbits.starting(points), np.arange(len(points)), 0, min(_WATCHED, periods)
     inside = {k: np.zeros((0, len(points)), bool) for k in covers}
     while True:
-        for begin in range(made, until, _AT_ONCE):
+        for begin in range(made, until, RESIDENCE):
             check_stop()
-            path = path_of(point_map, orbits, min(_AT_ONCE, until - begin))
+            path = path_of(point_map, orbits, min(RESIDENCE, until - begin))
             for k, cover in covers.items():
                 now = np.zeros((len(path), len(points)), bool)
                 now[:, rows] = [inside_cover(cover, places, point_map, keys[k]) for places in path]

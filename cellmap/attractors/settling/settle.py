@@ -176,18 +176,6 @@ def settle(
     """
     if bound is not None:
         return _settled_within(bound, point_map, orbits, catalogue, periods, age, stop)
-    return _settled(point_map, orbits, catalogue, periods, age, stop)
-
-
-def _settled(
-    point_map: PointMap,
-    orbits: Orbits,
-    catalogue: Catalogue,
-    periods: int,
-    age: int,
-    stop: Stop | None,
-    bound: Floats | None = None,
-) -> Settled:
     if (quotient := catalogue.quotient) is not None:
         settled = settle(quotient.point_map, quotient.of_orbits(orbits), catalogue.within, periods, age, stop)
         return replace(settled, orbits=quotient.back(settled.orbits))
@@ -196,10 +184,7 @@ def _settled(
         return _labelled(point_map, orbits, catalogue, periods, age, _UNSEEN, stop=stop)[0]
     # A cover is entered and left again; only trapping neighbourhoods can be tested once in several periods.
     if max_step == 1 or max_step > periods or catalogue.covers:
-        found, _, before = _labelled(point_map, orbits, catalogue, periods, age, 1, stop=stop)
-        if bound is not None:
-            found.labels[(found.labels == Label.OUT_OF_STEPS) & beyond(before, bound)] = Label.DIVERGED
-        return found
+        return _labelled(point_map, orbits, catalogue, periods, age, 1, stop=stop)[0]
     found, since, before = _labelled(point_map, orbits, catalogue, periods, age, max_step, stop=stop)
     # The last multi-period step again, by single periods, for the period in which the orbit converged.
     rows = np.flatnonzero((since >= 0) & (found.labels != Label.UNDECIDED))
@@ -221,16 +206,18 @@ def _settled_within(
     stop: Stop | None,
 ) -> Settled:
     # Where orbits have to stay, they do for longer than from look to look.
+    parts = list[Settled]()
     if catalogue.covers or catalogue.regions.residence.any():
-        if age > 0:
-            return _settled(point_map, orbits, catalogue, periods, age, stop, bound)
-        ahead = replace(orbits, points=orbits.points.copy(), rotations=orbits.rotations.copy(), work=Work())
-        nothing = Catalogue.of((), point_map)
-        parts = [_settled_within(bound, point_map, ahead, nothing, min(periods, _UNSEEN), 0, stop)]
-        orbits = orbits[parts[0].labels == Label.UNDECIDED]
-        parts.append(_settled(point_map, orbits, catalogue, periods, 0, stop, bound))
+        if age == 0:
+            ahead = replace(orbits, points=orbits.points.copy(), rotations=orbits.rotations.copy(), work=Work())
+            nothing = Catalogue.of((), point_map)
+            parts.append(_settled_within(bound, point_map, ahead, nothing, min(periods, _UNSEEN), 0, stop))
+            orbits = orbits[parts[0].labels == Label.UNDECIDED]
+        found, _, before = _labelled(point_map, orbits, catalogue, periods, age, 1, stop=stop)
+        found.labels[(found.labels == Label.OUT_OF_STEPS) & beyond(before, bound)] = Label.DIVERGED
+        parts.append(found)
     else:
-        end, now, parts = age + periods, age, list[Settled]()
+        end, now = age + periods, age
         while not parts or (len(orbits) and now < end):
             until = min(max(now + 1, int(_OLDER * now)), end)
             settled = settle(point_map, orbits, catalogue, until - now, now, stop)
