@@ -1,6 +1,7 @@
 """Ends: orbits that end where a guard becomes positive, with a name."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import cos, log, pi, sin
 from pathlib import Path
 from typing import Any
@@ -20,9 +21,10 @@ from cellmap import (
     save_basins,
     stroboscopic_map,
 )
-from cellmap.analysis.resilience import basin_stability
+from cellmap.analysis.boundary import edge_orbit
+from cellmap.analysis.resilience import basin_stability, largest_ball, tipping_probabilities
 from cellmap.attractors import Label
-from cellmap.basins import continue_basins
+from cellmap.basins import certify, continue_basins, prove
 from cellmap.maps import Impact, Status, section_map, swept_map, trajectory
 
 
@@ -77,7 +79,10 @@ def test_one_guard_of_both_sides_gives_the_same_basins_and_tables_keep_ends() ->
     with pytest.warns(UserWarning, match="fallback"):
         table = interpolated_map(stroboscopic_map(SHIP), CellGrid((-1.6, -1.3), (1.6, 1.3), (40, 40)))
     assert table.ends == ("port", "starboard")
-    assert np.mean(find_basins(table, GRID).labels != apart) < 0.01
+    found = find_basins(table, GRID)
+    assert np.mean(found.labels != apart) < 0.01
+    certificate = certify(found, 200)
+    assert certificate.basins.label_name(Label.ENDED) == "port" and np.array_equal(certificate.basins.labels, apart)
 
 
 def test_ends_are_labels_in_files_figures_continuations_and_statistics(tmp_path: Path) -> None:
@@ -93,6 +98,12 @@ def test_ends_are_labels_in_files_figures_continuations_and_statistics(tmp_path:
     sweep = continue_basins(strobe, "F", [0.0, 0.06], GRID)
     assert sweep.label_name(Label.ENDED) == "port"
     assert sweep.label_name(Label.ENDED) in {sweep.label_name(k) for k in sweep.labels}
+    tipped = tipping_probabilities(basins, find_basins(strobe.with_params(F=0.07), GRID))
+    assert {"port", "starboard"} <= set(tipped.names[1])
+    assert edge_orbit(basins, 0, Label.ENDED).orbit is not None
+    for refused, words in ((prove, r"end \(port, starboard\)"), (partial(largest_ball, label=-8), "'port' is an end")):
+        with pytest.raises(ValueError, match=words):
+            refused(basins)
 
 
 def test_blow_up_ends_where_and_when_its_closed_form_says() -> None:

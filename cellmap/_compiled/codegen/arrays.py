@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from .complex_numbers import ComplexExpression, phase
-from .elementary import clip, elementary_functions, nearest, where
+from .elementary import clip, elementary_functions, nearest, sinc, where
 from .expression import Answer, Comparison, ComparisonError, Expression, UntraceableError
 from .rebind import CANONICAL_NAMES
 from .tables import TableError, interpolated, piecewise
@@ -182,7 +182,8 @@ def applied(function: Any, arguments: Sequence[Any], options: dict[str, Any], me
 def _spline_for(function: Any, name: str, arguments: Sequence[Any]) -> str:
     """Return the lines that replace a function of SciPy of one number that moves."""
     moving = [is_symbolic(a) for a in arguments]
-    if not isinstance(function, np.ufunc) or sum(moving) != 1:
+    of_numpy = getattr(np, name, None) is function
+    if of_numpy or not isinstance(function, np.ufunc) or sum(moving) != 1:
         return ""
     given = ", ".join("s" if moves else repr(a) for a, moves in zip(arguments, moving, strict=True))
     return (
@@ -351,6 +352,7 @@ _RULES: dict[Any, Callable[..., Any]] = {
     np.clip: _by_entries(clip),
     np.round: _by_entries(nearest, 1),
     np.interp: _by_entries(interpolated, 1),
+    np.sinc: _by_entries(sinc),
     np.select: _select,
     np.polyval: lambda p, x: functools.reduce(lambda y, c: y * x + c, p),
     np.linalg.solve: _solution,

@@ -63,6 +63,12 @@ def where(condition: Any, a: Any, b: Any) -> Any:
     return condition.choose(a, b)
 
 
+def sinc(value: Any) -> Any:
+    """Return sin(pi x) / (pi x), and one at zero."""
+    angle = math.pi * value
+    return where(angle == 0.0, 1.0, _KNOWN["sin"](angle) / angle)
+
+
 def clip(value: Any, low: Any = None, high: Any = None) -> Any:
     """Return a number between two others, either of which may be none."""
     raised = value if low is None else _KNOWN["maximum"](value, low)

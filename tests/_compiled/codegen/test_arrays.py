@@ -285,8 +285,10 @@ def test_tables_that_repeat_count_their_pieces_by_one_switch() -> None:
 
 def test_special_functions_with_a_formula_have_it_and_others_say_so() -> None:
     def rhs(t: float, x: Any, p: Any) -> Any:
-        return special.expit(x[0]) + special.ndtr(x[1]), special.erf(np.array(x))[1] + special.logit(0.3)
+        return special.expit(x[0]) + special.ndtr(x[1]) + np.sinc(x[0]), special.erf(np.array(x))[1] + special.logit(
+            0.3
+        )
 
     assert is_faithful(trace(rhs, 2, ()), rhs, (), ())
-    with pytest.raises(UntraceableError, match="jv has no formula"):
+    with pytest.raises(UntraceableError, match=r"jv has no formula .*CubicSpline\(s, jv\(0, s\)\)"):
         trace(lambda t, x, p: (special.jv(0, x[0]),), 1, ())
