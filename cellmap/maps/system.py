@@ -397,4 +397,7 @@ class ForcedSystem:
 
 def _numbers(found: Sequence[Any]) -> tuple[Any, ...]:
     """Return the components of a right-hand side; arrays without dimensions, as splines return them, are numbers."""
-    return tuple(v[()] if isinstance(v, np.ndarray) and not v.ndim else v for v in found)
+    values = tuple(found)
+    if np.ndarray not in map(type, values):
+        return values
+    return tuple(v[()] if isinstance(v, np.ndarray) and not v.ndim else v for v in values)
