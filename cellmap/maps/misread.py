@@ -27,6 +27,14 @@ def trial_state(dimension: int) -> tuple[float, ...]:
     return tuple(0.1 + 0.73 * j / max(dimension, 1) for j in range(dimension))
 
 
+def as_numbers(found: Sequence[Any]) -> tuple[Any, ...]:
+    """Return the components of a right-hand side; arrays without dimensions, as splines return them, are numbers."""
+    values = tuple(found)
+    if np.ndarray not in map(type, values):
+        return values
+    return tuple(v[()] if isinstance(v, np.ndarray) and not v.ndim else v for v in values)
+
+
 def called_twice(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
     """Return the value of a function.
 

@@ -30,7 +30,7 @@ from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .coordinates import Coordinate, as_coordinates
 from .impacts import REMEDY, Impact, check_ends, in_time, joined, try_impact
-from .misread import PLACES, lacking, trial_state
+from .misread import PLACES, as_numbers, lacking, trial_state
 from .periodicity import InTime, check_periodic, shortest_period
 from .scipy_signature import with_parameters
 from .sympy_equations import with_sympy
@@ -353,12 +353,12 @@ class ForcedSystem:
         surface the mean of both sides is returned.
         """
         if self.switches is None:
-            return _numbers(self.rhs(t, as_state(self.rhs, x), self.parameters))
+            return as_numbers(self.rhs(t, as_state(self.rhs, x), self.parameters))
         own = self.signs(t, x)
         chosen = own if signs is None else tuple(finite_number("signs", s, at_least=-1.0, at_most=1.0) for s in signs)
         if len(chosen) != len(own):
             raise ValueError(f"signs={signs!r}: give {len(own)}, one for each switching function")
-        return _numbers(self.rhs(t, as_state(self.rhs, x), self.parameters, chosen))
+        return as_numbers(self.rhs(t, as_state(self.rhs, x), self.parameters, chosen))
 
     def fun(self, t: float, y: Floats) -> Floats:
         """Return the right-hand side in the form that :func:`scipy.integrate.solve_ivp` takes."""
@@ -393,11 +393,3 @@ class ForcedSystem:
                 f"t has the shape {times.shape}, which does not broadcast with states of {points.shape}"
             ) from None
         return over_states(self.outputs[name], times, points, self.params)
-
-
-def _numbers(found: Sequence[Any]) -> tuple[Any, ...]:
-    """Return the components of a right-hand side; arrays without dimensions, as splines return them, are numbers."""
-    values = tuple(found)
-    if np.ndarray not in map(type, values):
-        return values
-    return tuple(v[()] if isinstance(v, np.ndarray) and not v.ndim else v for v in values)
