@@ -11,8 +11,8 @@ from . import sets as sets
 from . import utils as utils
 from ._lib.threads import set_threads as set_threads
 from ._lib.threads import thread_count as thread_count
-from .attractors.labels import Label as Label
 from .attractors.search import find_attractors as find_attractors
+from .attractors.settling.labels import Label as Label
 from .basins.certification.certifying import certify as certify
 from .basins.finding import find_basins as find_basins
 from .basins.planning.plans import plan as plan

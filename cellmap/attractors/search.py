@@ -29,8 +29,8 @@ from .kinds.ends import MATURE, Ends
 from .kinds.examined import Examined
 from .kinds.limit_cycles import cycles_ahead
 from .kinds.transients import REMEDIES, Late, Reason, UnsettledWarning, regular
-from .labels import Label, label_names
 from .settling.escape import far_bound
+from .settling.labels import Label, label_names
 from .settling.quotients import Quotient, quotient_of
 from .settling.residence import with_full_residence
 from .settling.settle import Catalogue, settle, settle_on_threads, without_escaped

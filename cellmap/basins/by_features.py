@@ -16,7 +16,7 @@ from .._lib.signatures import checked
 from .._lib.threads import slices
 from ..attractors.features.feature_groups import FeatureGroups, check_clusterer, grouped
 from ..attractors.features.orbit_features import Features, extents, features_of, settled
-from ..attractors.labels import LABEL_NAMES, Label, label_of, stored_names
+from ..attractors.settling.labels import LABEL_NAMES, Label, label_of, stored_names
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Status

@@ -14,9 +14,9 @@ from .._lib.arrays import Floats, Ints
 from .._lib.checks import listed, real_array, shown, whole_number
 from ..attractors.given import check_attractors
 from ..attractors.kinds.creeping import settled_at_last
-from ..attractors.labels import LABEL_NAMES, Label
 from ..attractors.search import MAX_PERIODS
 from ..attractors.settling.escape import far_bound
+from ..attractors.settling.labels import LABEL_NAMES, Label
 from ..attractors.settling.settle import Catalogue, Classified, Rule, classify
 from ..maps.coordinates import Coordinate
 from ..maps.point_map import PointMap

@@ -16,10 +16,10 @@ from .._lib.records import Keyed
 from .._lib.signatures import checked
 from .._lib.threads import progress_bar
 from ..attractors.continued import continue_attractors
-from ..attractors.labels import LABEL_NAMES
 from ..attractors.matching import persistent_labels
 from ..attractors.regions.extents import region_extent
 from ..attractors.search import MAX_PERIODS, affordable_period, find_attractors
+from ..attractors.settling.labels import LABEL_NAMES
 from ..attractors.settling.residence import is_same
 from ..maps.coordinates import wrap
 from ..maps.grid import CellGrid

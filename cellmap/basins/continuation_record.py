@@ -13,7 +13,7 @@ from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import one_of
 from .._lib.records import Array, ConvertsToXarray, Layout
 from .._lib.signatures import checked
-from ..attractors.labels import LABEL_NAMES, stored_names
+from ..attractors.settling.labels import LABEL_NAMES, stored_names
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost

@@ -13,9 +13,9 @@ from .._lib.checks import warn_caller
 from ..attractors.kinds.creeping import creeping, orders_of
 from ..attractors.kinds.transients import REMEDIES, Reason
 from ..attractors.kinds.transients import UnsettledWarning as UnsettledWarning
-from ..attractors.labels import LABEL_NAMES, Label
 from ..attractors.regions.extents import region_extent
 from ..attractors.search import find_attractors
+from ..attractors.settling.labels import LABEL_NAMES, Label
 from ..attractors.settling.settle import Catalogue, settle
 from ..attractors.translates import warning_of_translates
 from ..maps.coordinates import difference

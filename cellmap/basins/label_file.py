@@ -21,7 +21,7 @@ from .._lib.checks import claim_disk, claim_memory
 from .._lib.sealed import array_of, get_number, get_numbers, group_of, within
 from .._lib.threads import run_over, slices
 from ..attractors.kinds.examined import Examined
-from ..attractors.labels import LABEL_NAMES, label_type
+from ..attractors.settling.labels import LABEL_NAMES, label_type
 from ..attractors.settling.settle import Settled
 from ..maps.orbit_batch import Tally
 from ..maps.point_map import PointMap

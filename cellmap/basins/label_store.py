@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .._lib.arrays import Bools, Ints
 from .._lib.threads import slices
 from ..attractors.kinds.examined import Examined
-from ..attractors.labels import LABEL_NAMES, Label, label_type
+from ..attractors.settling.labels import LABEL_NAMES, Label, label_type
 from ..attractors.settling.settle import Settled
 from ..maps.orbit_batch import NOTHING
 from .initial_conditions import BLOCK, Rows

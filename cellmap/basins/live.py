@@ -14,9 +14,9 @@ from .._lib.checks import finite_number, parameter_values, whole_number
 from .._lib.records import Keyed
 from .._lib.signatures import checked
 from .._lib.stopping import Stop, Stopped
-from ..attractors.labels import LABEL_NAMES, Label
 from ..attractors.regions.extents import region_extent
 from ..attractors.search import MAX_PERIODS, affordable_period
+from ..attractors.settling.labels import LABEL_NAMES, Label
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap
 from ..orbits.attractor import Attractor

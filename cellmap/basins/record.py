@@ -18,7 +18,7 @@ from .._lib.randomness import Rng
 from .._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Keyed, Layout, ShownAsHtml
 from .._lib.signatures import checked
 from .._lib.threads import slices
-from ..attractors.labels import LABEL_NAMES, stored_names
+from ..attractors.settling.labels import LABEL_NAMES, stored_names
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost

@@ -18,8 +18,8 @@ from .._lib.computed import computed_once
 from .._lib.signatures import checked
 from .._lib.stopping import Stop
 from ..attractors.given import check_attractors
-from ..attractors.labels import LABEL_NAMES, Label
 from ..attractors.search import affordable_period
+from ..attractors.settling.labels import LABEL_NAMES, Label
 from ..maps.coordinates import difference
 from ..maps.grid import CellGrid
 from ..maps.point_map import PointMap

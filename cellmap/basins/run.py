@@ -23,8 +23,8 @@ from ..attractors.kinds.continua import joined_continua
 from ..attractors.kinds.ends import ORBITS
 from ..attractors.kinds.examined import Examined
 from ..attractors.kinds.transients import ENDURANCE, MORE, REMEDIES, Late, Reason, regular
-from ..attractors.labels import LABEL_NAMES, Label, label_type
 from ..attractors.search import MAX_PERIODS, Search, SearchResult
+from ..attractors.settling.labels import LABEL_NAMES, Label, label_type
 from ..attractors.settling.residence import OBSERVED, unobserved, with_full_residence, with_residence
 from ..attractors.settling.settle import Settled
 from ..maps.orbit_batch import CHUNK, NOTHING, Cost, Orbits, Status, Tally

@@ -51,7 +51,7 @@ from .._lib.sealed import (
     write_sealed,
 )
 from .._lib.signatures import checked
-from ..attractors.labels import LABEL_NAMES, label_type
+from ..attractors.settling.labels import LABEL_NAMES, label_type
 from ..maps.coordinates import Coordinate
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost

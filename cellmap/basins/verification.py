@@ -14,10 +14,10 @@ from .._lib.randomness import Rng, random_numbers
 from .._lib.threads import run_over, slices
 from ..attractors.kinds.creeping import owners_at_last
 from ..attractors.kinds.mixing import unmixed
-from ..attractors.labels import Label, label_type
 from ..attractors.regions.extents import ways_of
 from ..attractors.search import find_attractors
 from ..attractors.settling.escape import escape_on, far_bound
+from ..attractors.settling.labels import Label, label_type
 from ..attractors.settling.settle import Catalogue, settle, without_escaped
 from ..maps.orbit_batch import CHUNK, Orbits
 from ..maps.point_map import PointMap

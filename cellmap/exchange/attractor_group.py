@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.arrays import Complexes, Floats
-from ..attractors.labels import label_type
+from ..attractors.settling.labels import label_type
 from ..maps.coordinates import Coordinate
 from ..orbits.attractor import PARTS, Attractor, Kind, distinct_names
 from .optional import xarray_package

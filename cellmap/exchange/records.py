@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .._lib.checks import shown
 from .._lib.records import Keyed, Layout
-from ..attractors.labels import LABEL_NAMES
+from ..attractors.settling.labels import LABEL_NAMES
 from ..basins.certification.certificate import Certificate, Evidence
 from ..basins.continuation_record import BasinContinuation
 from ..basins.record import Basins

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._lib.arrays import Floats
-from ..attractors.labels import Label
+from ..attractors.settling.labels import Label
 from ..basins.live import LiveFrame
 from ..maps.coordinates import difference
 from ..maps.orbit_batch import Status

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from .._lib.arrays import Floats
 from .._lib.computed import computed_once
 from .._lib.stopping import check_stop
-from ..attractors.labels import label_names, stored_names
+from ..attractors.settling.labels import label_names, stored_names
 from ..basins.live import LiveBasins, LiveFrame
 from ..basins.record import label_counts
 from ..basins.refining import refine_basins

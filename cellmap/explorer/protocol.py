@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checks import shown
-from ..attractors.labels import LABEL_NAMES
+from ..attractors.settling.labels import LABEL_NAMES
 
 MAGIC = b"CMAP"
 VERSION = 1

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.colors import is_color_like, to_rgb
 
 from .._lib.checks import check_mapping, shown
-from ..attractors.labels import Label
+from ..attractors.settling.labels import Label
 
 Colour = tuple[float, float, float]
 

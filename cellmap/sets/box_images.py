@@ -15,7 +15,7 @@ from .._lib.arrays import Floats, Ints
 from .._lib.checks import claim_memory, warn_caller, whole_number
 from .._lib.signatures import checked
 from .._lib.threads import run_over, slices
-from ..attractors.labels import Label
+from ..attractors.settling.labels import Label
 from ..maps.coordinates import difference, turns_of, wrap
 from ..maps.grid import CellGrid, Locator, between, grid_points
 from ..maps.orbit_batch import CHUNK, Orbits, Status

@@ -12,7 +12,7 @@ from .._lib.arrays import Bools, Floats, Ints
 from .._lib.checks import claim_memory, finite_number, whole_number
 from .._lib.computed import computed_once
 from .._lib.signatures import checked
-from ..attractors.labels import Label
+from ..attractors.settling.labels import Label
 from ..basins.record import Basins
 from ..maps.grid import CellGrid
 from ..maps.orbit_batch import Cost

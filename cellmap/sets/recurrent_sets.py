@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .._lib.arrays import Floats, Ints
 from .._lib.records import Keyed
-from ..attractors.labels import Label, label_of
+from ..attractors.settling.labels import Label, label_of
 from ..basins.finding import find_basins
 from ..basins.record import Basins
 from ..maps.coordinates import Coordinate

@@ -22,8 +22,8 @@ from cellmap import (
     interpolated_map,
     stroboscopic_map,
 )
-from cellmap.attractors.labels import LABEL_NAMES, label_of
 from cellmap.attractors.regions.boxes import RESIDENCE, inside_cover
+from cellmap.attractors.settling.labels import LABEL_NAMES, label_of
 from cellmap.attractors.settling.settle import Catalogue, classify, settle
 from cellmap.maps.coordinates import difference
 from cellmap.maps.orbit_batch import Orbits

@@ -32,7 +32,7 @@ from cellmap import (
 )
 from cellmap._lib.arrays import Floats, Ints
 from cellmap._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Layout
-from cellmap.attractors.labels import LABEL_NAMES, Label
+from cellmap.attractors.settling.labels import LABEL_NAMES, Label
 from cellmap.basins import Evidence, continue_basins
 from cellmap.bifurcations import attractor_atlas
 from cellmap.exchange import from_xarray, to_dataframe, to_xarray

@@ -13,7 +13,7 @@ from matplotlib.colors import to_rgb
 
 import systems
 from cellmap import CellGrid, ForcedSystem, PointMap, discrete_map, stroboscopic_map
-from cellmap.attractors.labels import Label
+from cellmap.attractors.settling.labels import Label
 from cellmap.explorer import Explored, ExploredScene
 from cellmap.explorer.equations import typed_system
 from cellmap.explorer.explored import explored_of, load_gallery

@@ -11,7 +11,7 @@ from ..._lib.arrays import Floats
 from ..._lib.checks import affordable_number, finite_number, whole_number
 from ..._lib.fit import Fit, fit_line
 from ..._lib.signatures import checked
-from ...attractors.labels import Label
+from ...attractors.settling.labels import Label
 from ...basins.classification import Labeller, Outcome, labeller, own_label, places_of, scale_of, span_of
 from ...basins.record import Basins
 from ...maps.coordinates import Coordinate, difference, state_points, wrap

@@ -15,7 +15,7 @@ from ..._compiled.kernels.boxes import mixed_boxes
 from ..._lib.arrays import Bools, Floats, Ints
 from ..._lib.checks import whole_number
 from ..._lib.threads import run_over, slices
-from ...attractors.labels import LABEL_NAMES, Label
+from ...attractors.settling.labels import LABEL_NAMES, Label
 from ...basins.record import Basins
 
 _FEW = 64  # labels that are looked for one by one

@@ -14,7 +14,7 @@ from ..._lib.checks import finite_number, real_array, whole_number
 from ..._lib.randomness import Rng, random_seed
 from ..._lib.signatures import checked
 from ..._lib.threads import progress_bar, run_over, slices
-from ...attractors.labels import Label
+from ...attractors.settling.labels import Label
 from ...basins.classification import Outcome
 from ...basins.final_states import FinalStates, final_states
 from ...basins.record import Basins

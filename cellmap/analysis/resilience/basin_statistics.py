@@ -16,7 +16,7 @@ from ..._lib.checks import affordable_number, finite_number, of_the_user
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.records import Keyed
 from ..._lib.signatures import checked
-from ...attractors.labels import LABEL_NAMES, Label, label_names, stored_names
+from ...attractors.settling.labels import LABEL_NAMES, Label, label_names, stored_names
 from ...basins.classification import labeller
 from ...basins.finding import labelled
 from ...basins.record import Basins

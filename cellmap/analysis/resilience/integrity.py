@@ -12,7 +12,7 @@ from ..._lib.arrays import Floats
 from ..._lib.checks import whole_array, whole_number
 from ..._lib.randomness import Rng
 from ..._lib.signatures import checked
-from ...attractors.labels import Label
+from ...attractors.settling.labels import Label
 from ...basins.classification import own_label, places_of, scale_of, span_of
 from ...basins.record import Basins
 from ...maps.coordinates import Coordinate

@@ -13,7 +13,7 @@ from ..._lib.checks import check_mapping, shown, whole_number
 from ..._lib.randomness import Rng, random_numbers
 from ..._lib.records import Array, ConvertsToDataFrame, ConvertsToXarray, Layout
 from ..._lib.signatures import checked
-from ...attractors.labels import Label
+from ...attractors.settling.labels import Label
 from ...basins.classification import labeller
 from ...basins.record import Basins
 from ...maps.point_map import PointMap

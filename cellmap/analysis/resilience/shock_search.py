@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..._lib.arrays import Bools, Floats, Ints
-from ...attractors.labels import Label
+from ...attractors.settling.labels import Label
 from ...basins.classification import Labeller, places_of
 from ...basins.record import Basins
 from ...maps.coordinates import Coordinate, circular_tree, difference

@@ -12,8 +12,8 @@ from ..._lib.arrays import Floats, Ints
 from ..._lib.binomial import binomial_interval
 from ..._lib.checks import finite_number, one_of, whole_array
 from ..._lib.signatures import checked
-from ...attractors.labels import stored_names
 from ...attractors.matching import match_attractors
+from ...attractors.settling.labels import stored_names
 from ...basins.classification import labeller, places_of, span_of
 from ...basins.record import Basins
 from ...maps.point_map import PointMap

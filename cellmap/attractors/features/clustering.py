@@ -13,7 +13,7 @@ from ..._lib.signatures import checked
 from ...maps.coordinates import Coordinate, state_points
 from ...maps.orbit_batch import Status
 from ...maps.point_map import PointMap
-from ..labels import Label, label_of
+from ..settling.labels import Label, label_of
 from .orbit_features import Features, extents, features_of, settled
 
 _ROUNDED = 0.05  # of the radius, within which features count as one and the same

@@ -16,9 +16,9 @@ from ...maps.paths import history_of, path_of
 from ...maps.point_map import PointMap
 from ...maps.tangent import tangent
 from ...orbits.attractor import Attractor, InvariantSubspace, Kind, aperiodic
-from ..labels import Label
 from ..regions.boxes import in_units, tree_of
 from ..regions.covers import FLAT
+from ..settling.labels import Label
 from ..settling.settle import Catalogue, settle
 from .clouds import Clouds
 

@@ -16,8 +16,8 @@ from ...maps.orbit_batch import Orbits
 from ...maps.paths import path_of
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor, Kind
-from ..labels import Label
 from ..regions.boxes import RESIDENCE, full_residence
+from ..settling.labels import Label
 from ..settling.residence import with_full_residence
 from ..settling.settle import Catalogue, settle
 

@@ -21,10 +21,10 @@ from ...maps.coordinates import shortest, turns_of, wrap
 from ...maps.orbit_batch import CHUNK, NOTHING, PERIODS_AT_ONCE, Orbits, Status, Tally, Work
 from ...maps.point_map import PointMap
 from ...orbits.attractor import Attractor, Cover
-from ..labels import LABELS_OF, Label, label_type
 from ..regions.boxes import RESIDENCE, box_keys, boxes_around, full_residence
 from ..regions.sieves import sieve_of
 from .escape import beyond, escape
+from .labels import LABELS_OF, Label, label_type
 from .quotients import Quotient, quotient_by
 
 _PART = 128  # orbits of a thread at a time, where few are followed

@@ -18,8 +18,8 @@ from ...orbits.attractor import Attractor
 from ..kinds.chaos import MATURE, one_attractor, returns, with_exponents
 from ..kinds.ends import ORBITS, Ends
 from ..kinds.transients import Late
-from ..labels import Label
 from ..regions.trapping_boxes import is_trapped, region_around, with_trapped_boxes
+from ..settling.labels import Label
 from ..settling.settle import Catalogue, settle
 
 _CELLS = 256  # of the surrogate along each axis: errors are 1e-6 of the window

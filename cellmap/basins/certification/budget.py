@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._lib.arrays import Ints, evenly
-from ...attractors.labels import Label
+from ...attractors.settling.labels import Label
 from ...attractors.settling.settle import Catalogue, settle_on_threads
 from ...maps.orbit_batch import Orbits, Tally
 from ...maps.point_map import PointMap

@@ -14,7 +14,7 @@ from ..._compiled.kernels.cell_images import SEVERAL, boxes_of, claim_within, re
 from ..._compiled.kernels.certainty import FARTHEST, NONE
 from ..._lib.arrays import Floats, Ints
 from ..._lib.threads import run_over, slices
-from ...attractors.labels import Label, label_type
+from ...attractors.settling.labels import Label, label_type
 from ...attractors.settling.settle import Catalogue, settle
 from ...maps.coordinates import in_turn, wrap
 from ...maps.grid import CellGrid, Locator, grid_points

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._lib.records import ConvertsToXarray, ShownAsHtml
-from ...attractors.labels import Label
+from ...attractors.settling.labels import Label
 from ...maps.orbit_batch import Cost
 from ..record import Basins
 from ..verification import Verification

@@ -13,9 +13,9 @@ from ..._lib.arrays import Bools, Floats, Ints
 from ..._lib.randomness import random_numbers
 from ..._lib.threads import run_over, slices
 from ...attractors.kinds.creeping import settled_at_last
-from ...attractors.labels import Label
 from ...attractors.regions.boxes import inside_cover
 from ...attractors.settling.escape import far_bound
+from ...attractors.settling.labels import Label
 from ...attractors.settling.settle import Settled, classify, settle
 from ...maps.coordinates import wrap
 from ...maps.grid import Locator

@@ -10,7 +10,7 @@ import numpy as np
 from ..._lib.checks import affordable_number, claim_memory, finite_number, real_number, warn_caller
 from ..._lib.randomness import Rng, random_seed
 from ..._lib.signatures import checked
-from ...attractors.labels import Label
+from ...attractors.settling.labels import Label
 from ...maps.orbit_batch import NOTHING, Cost
 from ..proofs.proof import Proof
 from ..record import Basins

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._lib.arrays import Ints
-from ...attractors.labels import label_type
+from ...attractors.settling.labels import label_type
 from ...attractors.settling.residence import is_same
 from ...maps.orbit_batch import NOTHING
 from ...orbits.attractor import Attractor, sort_key

@@ -18,7 +18,7 @@ from ..._lib.randomness import Rng
 from ..._lib.records import Array, ConvertsToXarray, Keyed, Layout, ShownAsHtml
 from ..._lib.sealed import array_of, get_mapping, get_number, get_numbers, group_of, put_text
 from ..._lib.signatures import checked
-from ...attractors.labels import Label
+from ...attractors.settling.labels import Label
 from ...maps.coordinates import Coordinate
 from ...maps.grid import CellGrid
 from ...maps.orbit_batch import Cost

@@ -15,7 +15,7 @@ from ..._lib.arrays import Bools, Floats
 from ..._lib.checks import claim_memory, parameter_intervals, whole_number
 from ..._lib.records import Keyed
 from ..._lib.signatures import checked
-from ...attractors.labels import Label
+from ...attractors.settling.labels import Label
 from ...attractors.settling.settle import Catalogue, classify
 from ...maps.coordinates import turns_of
 from ...maps.enclosures import enclosed_images

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._compiled.kernels.periods import MOST_ENDS
-from .._lib.arrays import Ints
-from ..maps.orbit_batch import Status
+from ..._compiled.kernels.periods import MOST_ENDS
+from ..._lib.arrays import Ints
+from ...maps.orbit_batch import Status
 
 
 class Label(IntEnum):
