@@ -256,7 +256,7 @@ class Run:
             return attractors
         rows = np.sort(np.random.default_rng(1).choice(total, number, replace=False))
         sample = self.initial_conditions.wrapped(rows, self.point_map)
-        # Stays are counted anew in each sweep.
+        # Each sweep counts stays from its beginning.
         ends = [0, *(_PATIENCE << k for k in range(_REPEATS) if _PATIENCE << k < self.limit), self.limit]
         longest = max(b - a for a, b in pairwise(ends))
         with heeding(self.stop):
