@@ -66,6 +66,14 @@ def stability(**given: Any) -> Any:
     return {"stability": cellmap.stability_map(exact, cellmap.periodic_orbit(exact, [0.5, 0.2]), *axes), **given}
 
 
+def limit_cycle() -> Any:
+    def rhs(t: float, x: Any, p: Any) -> Any:
+        growth = p.a * (1.0 - x[0] ** 2 - x[1] ** 2)
+        return growth * x[0] - x[1], growth * x[1] + x[0]
+
+    return ForcedSystem(rhs, {"a": 0.1}, 6.0, ("x", "y"))
+
+
 @cache
 def motion() -> Any:
     """Return an orbit that swings, and one that rotates."""
@@ -78,6 +86,10 @@ def motion() -> Any:
 
 FURTHER: dict[str, Callable[[], dict[str, Any]]] = {
     "save_auto of branch points": lambda: {"result": [born(3), born(2)], "path": "b.branch"},
+    "periodic_orbit of a limit cycle": lambda: {
+        "point_map": cellmap.maps.section_map(limit_cycle(), ("y", 0.0, 1)),
+        "guess": [0.9],
+    },
     "section_map of strange names": lambda: {
         "system": ForcedSystem(small.spiral, {"d": 0.1}, 6.0, ("side", "value")),
         "section": ("value", 0.0, 1),
@@ -150,6 +162,9 @@ FURTHER: dict[str, Callable[[], dict[str, Any]]] = {
             4,
             periods=3,
         )
+    },
+    "plot_morse_graph of a chaotic set": lambda: {
+        "graph": sets.morse_graph(systems.henon_map(1.4 * small.NUDGE), CellGrid((-1.5, -0.5), (1.4, 0.6), (4, 4)), 4)
     },
     "plot_cell_mapping of several periods": lambda: {
         "mapping": sets.simple_cell_mapping(small.wells(), small.WINDOW, periods=3),
