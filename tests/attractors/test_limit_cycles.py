@@ -73,6 +73,12 @@ def test_relaxation_oscillations_at_any_sampling_time(rhs, parameters, period):
     assert all(len(other) == len(found[0]) for other in found)
 
 
+def test_a_cycle_of_many_periods_of_the_map():
+    """At mu = 100 the map is sampled 1,628 times in a cycle, most of which is slow; its period by SciPy's Radau."""
+    (cycle,) = find_attractors(sampled(van_der_pol, 0.1, mu=100.0), [[1.0, 0.5]], 200)
+    assert cycle.circle.cycle_period == pytest.approx(162.837071, rel=1e-7)
+
+
 def test_no_region_reaches_across_an_axis_that_orbits_do_not_cross():
     """The prey falls below a hundredth of its greatest number; without it predators die out."""
     basins = find_basins(sampled(predator, 5.0, k=6.0), CellGrid((0.01, 0.01), (6, 4), (8, 8)))

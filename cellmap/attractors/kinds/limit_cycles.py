@@ -129,7 +129,8 @@ def cycles_ahead(
     if spec is None:
         return []
     some = wrap(states[evenly(len(states), AHEAD)], exact.coordinates)
-    return limit_cycles(exact, spec, some, extent, 0, known, afford)
+    # In a short period of the map orbits are young for long: whatever it is, the first look is long.
+    return limit_cycles(exact, spec, some, extent, _RECORDS[1] // _SAMPLES, known, afford)
 
 
 def _cycle_of(exact: PointMap, spec: Stroboscopic, state: Floats, extent: Floats, number: int) -> _Cycle | None:
@@ -166,8 +167,6 @@ def _paced(
     """
     for _ in range(_PACINGS):
         check_stop()
-        if step > longest:
-            return None
         path = _followed(spec, state, step, _PACED)
         if not np.isfinite(path).all():
             return None
@@ -178,6 +177,8 @@ def _paced(
         if 1.0 / _ALIKE <= factor <= 1.0:
             return path, step
         step *= float(np.clip(2.0 * factor, 1.0 / _SLOWER, _FASTER))
+        if factor > 1.0 and step > longest:
+            return None
         state = path[-1] if factor > 1.0 else state
     return None
 
