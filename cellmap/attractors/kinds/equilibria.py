@@ -54,8 +54,8 @@ def sticking_sets(
 
     An equilibrium counts where the map leaves it in place to rounding, together with its neighbours along at least one
     axis, and its derivative contracts in all other directions: so it does in the interior of the friction cone.  Or
-    neighbours along all axes stay in place, as where a right-hand side is zero beyond a limit.  From
-    there the set is explored, box by box, along those axes.  A set has a sample of its points, and boxes that hold it.
+    neighbours along all axes stay in place, as where a right-hand side is zero beyond a limit.  From there the set is
+    explored, box by box, along those axes.  A set has a sample of its points, and boxes that hold it.
     """
     exact = point_map.without_table
     left = states[_rests(exact, states, extent)]
