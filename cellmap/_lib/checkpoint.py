@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from .. import __version__
-from .files import StoreError, discard_parts, written_whole
+from .files import PART, StoreError, discard_parts, written_whole
 from .sealed import (
     ROOM,
     UnsealedError,
@@ -40,9 +40,6 @@ from .systems import let_go
 
 FORMAT = "cellmap checkpoint"
 SCHEMA = 2
-
-PART = "run"
-"""Kind of temporary files that only who holds the lock of a checkpoint makes and removes."""
 
 TILE = np.dtype([("tally", "<i8", (4,)), ("checksum", "<u4"), ("done", "<u4")])
 """Entry of a tile: four numbers of the run's own, and the checksum of these and of its contents."""

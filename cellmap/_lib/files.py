@@ -15,6 +15,9 @@ from typing import Any, BinaryIO
 from .checks import in_bytes, shown
 from .systems import READING, Locked, lock, unlock
 
+PART = "run"
+"""Kind of temporary files of a checkpoint, which who holds its lock makes and removes."""
+
 _TOKEN = 8  # bytes in the name of a temporary
 _KINDS: dict[int | None, str] = {
     stat.S_IFDIR: "a folder",
@@ -62,7 +65,7 @@ def as_checkpoint(value: Any) -> Path | None:
     said = f"checkpoint={str(path)!r}"
     place = _place(said, path)
     if not place.exists():
-        _try(said, place)
+        _try(said, place, PART)
     return place
 
 
@@ -96,10 +99,10 @@ def _named(kind: int | None) -> str:
     return _KINDS.get(kind, "a device")
 
 
-def _try(said: str, place: Path) -> None:
+def _try(said: str, place: Path, kind: str = "part") -> None:
     """Refuse a place beside which no temporary can be made, which the system alone can tell."""
     try:
-        _made_beside(place, "part", place.suffix).unlink()
+        _made_beside(place, kind, place.suffix).unlink(missing_ok=True)  # who has the file to himself may discard it
     except OSError as error:
         raise type(error)(
             f"{said}: no file can be made in {str(place.parent)!r} ({error.strerror}); give another folder or name"

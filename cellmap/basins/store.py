@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._lib.checkpoint import (
-    PART,
     SLACK,
     Checkpoint,
     add_unwritten,
@@ -29,8 +28,8 @@ from .._lib.checkpoint import (
     plain,
 )
 from .._lib.checks import claim_memory
+from .._lib.files import PART, as_path, as_target, written_whole
 from .._lib.files import StoreError as StoreError
-from .._lib.files import as_path, as_target, written_whole
 from .._lib.records import Keyed
 from .._lib.sealed import (
     ChangedError,

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from itertools import product
 from pathlib import Path
+from unittest.mock import Mock
 
 import h5py
 import numpy as np
@@ -35,6 +36,16 @@ def test_a_checkpoint_changes_nothing(name, plain, tmp_path):
     assert_same(load_basins(path), plain[name])
     assert [p.name for p in tmp_path.iterdir()] == ["basins.h5"]
     assert found.point_map is not None
+
+
+def test_what_a_kill_leaves_before_the_lock_is_removed(plain, tmp_path, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "unlink", Mock(side_effect=Died))
+        with pytest.raises(Died):
+            CASES["one pass"](checkpoint=tmp_path / "basins.h5")
+    assert len(list(tmp_path.iterdir())) == 1
+    assert_same(CASES["one pass"](checkpoint=tmp_path / "basins.h5"), plain["one pass"])
+    assert [p.name for p in tmp_path.iterdir()] == ["basins.h5"]
 
 
 def test_the_same_call_reads_what_is_finished(plain, finished, tmp_path, monkeypatch):
