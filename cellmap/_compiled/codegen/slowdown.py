@@ -59,28 +59,20 @@ def slowdown(
     These are the formulas of the branches and loops that it takes at a `place`, state and parameters one after the
     other.  NaN where there are none either.  Steps are those of a method, or "" for a map.  Measured once.
     """
-    if compiled not in _FACTORS:
-        _FACTORS[compiled] = _measured(function, names, place, compiled, method)
-    return _FACTORS[compiled]
-
-
-def _measured(
-    function: Callable[..., Any],
-    names: tuple[str, ...],
-    place: tuple[float, ...],
-    compiled: CompiledPeriod,
-    method: str,
-) -> float:
+    if compiled in _FACTORS:
+        return _FACTORS[compiled]
+    _FACTORS[compiled] = np.nan
     graph, dimension = _AtPlace(), len(place) - len(names)
     inputs = empty_trace(dimension, len(names), graph)
     graph.place = dict(zip((*inputs.states, *inputs.parameters, inputs.time), (*place, 0.0), strict=True))
     try:
         formulas = _compiled(replace(inputs, outputs=tuple(inputs.run(function, names)())), method)
     except (UntraceableError, TypeError):
-        return np.nan
+        return _FACTORS[compiled]
     state, parameters = np.array(place[:dimension]), np.array(place[dimension:])
     slow, fast = (_seconds(advance, state, parameters) for advance in (compiled, formulas))
-    return slow / fast
+    _FACTORS[compiled] = slow / fast
+    return _FACTORS[compiled]
 
 
 def _compiled(traced: Trace, method: str) -> CompiledPeriod:
