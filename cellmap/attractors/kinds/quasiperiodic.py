@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import isqrt
 
 import numpy as np
@@ -93,6 +94,9 @@ def quasiperiodic_attractors(
     """
     exact, most = point_map.without_table, max(MOST_STEPS, age)
     spec = autonomous(exact)
+    by_recurrence = partial(recurrent_attractors, exact, states, extent, age, known, slow, afford)
+    if spec is None and exact.dimension > SAMPLED:
+        return Found(*by_recurrence())
     later = Orbits.starting(states[evenly(len(states), AHEAD)])
     moved_on(exact, later, age)
     later = later[np.flatnonzero(later.alive)]
@@ -102,7 +106,7 @@ def quasiperiodic_attractors(
         if cycles:
             return Found(cycles, [])
     if exact.dimension > SAMPLED:
-        return Found(*recurrent_attractors(exact, states, extent, age, known, slow, afford))
+        return Found(*by_recurrence())
     found = Found([], [])
     for before in (later[np.array([k])] for k in np.flatnonzero((signs <= 0) & shrinking)):
         attractors = [*known, *found.attractors]
