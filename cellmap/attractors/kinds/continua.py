@@ -71,9 +71,12 @@ def look(ends: Ends) -> list[Attractor]:
         return []
     longest = _AT_REST if ends.last else 0
     closed = closed_orbits(ends.point_map, ends.points, ends.extent, ends.longest_period, longest)
-    return verified_cycles(ends, closed) or continua(
-        ends.point_map, closed, ends.extent, ends.known, ends.examined.lines
-    )
+    return verified_cycles(ends, closed) or new_continua(ends, closed)
+
+
+def new_continua(ends: Ends, closed: Sequence[tuple[Floats, int]]) -> list[Attractor]:
+    """Return the attracting segments on which orbits have closed, and remember those that do not attract."""
+    return continua(ends.point_map, closed, ends.extent, ends.known, ends.examined.lines)
 
 
 def continua(

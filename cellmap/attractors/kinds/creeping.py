@@ -16,7 +16,7 @@ from ...maps.point_map import PointMap
 from ...maps.side_by_side import advance_on_threads
 from ...orbits.attractor import Attractor, Kind
 from ..settling.settle import Catalogue, Settled, settle, without_escaped
-from .continua import closed_orbits, continua
+from .continua import closed_orbits, new_continua
 from .ends import ORBITS, Ends
 from .equilibria import sticking_sets
 from .invariant_subspaces import owners_in_subspaces
@@ -64,8 +64,8 @@ def look(ends: Ends) -> list[Attractor]:
     places = slow.ends[slow.found]
     if not len(places):
         return []
-    return sticking_sets(point_map, places, extent, ends.known) or continua(
-        point_map, closed_orbits(point_map, places, extent, 1), extent, ends.known, ends.examined.lines
+    return sticking_sets(point_map, places, extent, ends.known) or new_continua(
+        ends, closed_orbits(point_map, places, extent, 1)
     )
 
 

@@ -30,7 +30,7 @@ from ..regions.tube import (
     lengths_beside,
     verified_tube,
 )
-from .continua import closed_orbits, continua
+from .continua import closed_orbits, new_continua
 from .creeping import creeping
 from .cycles import verified_cycles
 from .ends import Ends
@@ -65,7 +65,7 @@ def look(ends: Ends) -> list[Attractor]:
         return fresh
     # Orbits that rest have closed after any number of periods, the least of which counts.
     points, longest = np.array([point for point, _ in found.cycles]), max(period for _, period in found.cycles)
-    return continua(point_map, closed_orbits(point_map, points, extent, longest), extent, ends.known, examined.lines)
+    return new_continua(ends, closed_orbits(point_map, points, extent, longest))
 
 
 def quasiperiodic_attractors(
